@@ -7,7 +7,7 @@ from typing import ClassVar, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from planner.common.extensions import load_extensions
+from planner.common.extensions import is_defined_again, load_extensions
 
 
 class GaugeKind(Protocol):
@@ -28,7 +28,7 @@ _KINDS: dict[str, type[GaugeKind]] = {}
 
 
 def register_gauge(kind: G) -> G:
-    """Make a kind known by its name in cell files; a class decorator.
+    """Make a kind known by its name in cell files; a class decorator. Defined again in its place it is replaced.
 
     Raises:
         ValueError: another gauge has that name, or it shows lengths in mrad.
@@ -40,7 +40,7 @@ def register_gauge(kind: G) -> G:
         )
     if not kind.__module__.startswith(f"{ROOM}."):
         _import_shipped_modules()  # so that who takes one of their names is the one who is told
-    if kind.kind in _KINDS:
+    if kind.kind in _KINDS and not is_defined_again(_KINDS[kind.kind], kind):
         raise ValueError(f"gauge kind '{kind.kind}': {_KINDS[kind.kind].__module__} has registered it already")
     _KINDS[kind.kind] = kind
     return kind

@@ -18,6 +18,7 @@ def _study(
     values: Values,
     cell: str | None,
     output: Path,
+    seed: int | None,
     sweep_file: Path | None,
     scheduler: str | None,
     cluster_keys: Path | None,
@@ -26,9 +27,10 @@ def _study(
 ) -> None:
     if (cell is None) == (sweep_file is None):
         raise InputError("a study is of a cell, or of a sweep (--sweep SWEEP.toml): name one of the two")
+    asked = {**values, **({} if seed is None else {"seed": seed})}
     if sweep_file is None:
         give(
-            lambda stages: find_function(StudyCall)(cell, **values, progress=stages.say),
+            lambda stages: find_function(StudyCall)(cell, **asked, progress=stages.say),
             output,
             as_json,
             StudyCall.starts,
@@ -38,16 +40,19 @@ def _study(
     from planner.studies.sweep import sweep  # numbers and tables: other commands start quicker without
 
     give(
-        lambda stages: sweep(sweep_file, output, scheduler=scheduler, cluster_keys=cluster_keys, progress=stages.say),
+        lambda stages: sweep(
+            sweep_file, output, **asked, scheduler=scheduler, cluster_keys=cluster_keys, progress=stages.say
+        ),
         output,
         as_json,
         manner=manner,
     )
 
 
+Seed = Annotated[int | None, typer.Option(min=0, help="the same seed gives the same bytes")]  # None: as a sweep says
 Sweep = Annotated[
     Path | None,
-    typer.Option("--sweep", metavar="SWEEP.toml", help="in place of a cell: fixtures x bars x tools x poses"),
+    typer.Option("--sweep", metavar="SWEEP.toml", help="in place of a cell: cells x poses x any keys of theirs"),
 ]
 Scheduler = Annotated[str | None, typer.Option(metavar="tls://…", help="compute the sweep on a Dask cluster")]
 ClusterKeys = Annotated[
@@ -58,6 +63,7 @@ study_command = declare_command(
     _study,
     cell=(Annotated[str | None, typer.Argument(metavar="[CELL]", help=CELL)], None),
     output=(Output, Parameter.empty),
+    seed=(Seed, None),
     sweep_file=(Sweep, None),
     scheduler=(Scheduler, None),
     cluster_keys=(ClusterKeys, None),

@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, ParamSpec, TypeVar, get_args, get_origin
 
 from planner.common.errors import DeclarationError, InputError, did_you_mean
-from planner.common.notebook import NotebookProgress, runs_in_notebook
+from planner.common.notebook import runs_in_notebook, shown_progress
 from planner.common.progress import Progress
 
 
@@ -320,12 +320,9 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
             _check_bounds(function.__name__, known, asked)
             if "progress" not in fields_by_name or "progress" in kwargs or not runs_in_notebook():
                 return function(asked)
-            shown = NotebookProgress()
-            try:
+            with shown_progress(None) as shown:
                 kwargs["progress"] = shown
                 return function(declaration(*args, **kwargs))
-            finally:
-                shown.end()
 
         del wrapper.__wrapped__  # what is called is the signature, not the object behind it
         wrapper.__signature__ = signature  # type: ignore[attr-defined]

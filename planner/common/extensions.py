@@ -73,3 +73,9 @@ def broken_extensions() -> tuple[BrokenExtension, ...]:
             why = str(err) if declared else f"{type(err).__name__}: {err}"
             broken.append(BrokenExtension(f"extension '{point.name}' ({point.value}): {why}", declared))
     return tuple(broken)
+
+
+def is_defined_again(before: object, now: object) -> bool:
+    """Tell whether a function or class is that of the same place, defined anew: a cell of a notebook runs twice."""
+    place = [(getattr(each, "__module__", None), getattr(each, "__qualname__", None)) for each in (before, now)]
+    return before is not now and None not in place[0] and place[0] == place[1]

@@ -2,8 +2,12 @@
 
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
+
+from planner.common.progress import Progress, no_progress
 
 EVERY = 0.25  # [s] between two looks of the line: a browser draws it anew each time
 
@@ -40,3 +44,16 @@ class NotebookProgress:
         """Clear the progress line."""
         if self._line is not None:
             self._line.update(import_module("IPython.display").HTML(""))
+
+
+@contextmanager
+def shown_progress(progress: Progress | None) -> Iterator[Progress]:
+    """Yield what a task calls with its progress: ``progress``, or in its place the line of a notebook."""
+    if progress is not None or not runs_in_notebook():
+        yield progress or no_progress
+        return
+    line = NotebookProgress()
+    try:
+        yield line
+    finally:
+        line.end()

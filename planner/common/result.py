@@ -2,16 +2,23 @@
 
 from abc import ABC, abstractmethod
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from html import escape
+from io import BytesIO
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from planner.common.content_hashes import HandEdit
+from planner.common.errors import InputError
 from planner.common.files import document_text, write_bytes, write_text
 from planner.common.result_folder import draft_folder, move_all
 from planner.common.summary import SCREEN_LINES, Summary
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 def simulated_section(simulated: bool) -> dict[str, bool]:
@@ -19,20 +26,68 @@ def simulated_section(simulated: bool) -> dict[str, bool]:
     return {"simulated": True} if simulated else {}
 
 
+PLOT_FORMATS: dict[str, dict[str, None]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    ".svg": {"Date": None, "Creator": None},
+}
+"""Suffixes of pictures, and what is left out of each: the same plot gives the same bytes."""
+SAVED_STYLE = {"svg.hashsalt": "edbb", "pdf.fonttype": 42}  # 42: letters as letters, which publishers ask for
+
+
 @dataclass(frozen=True)
 class Plot:
-    """A chart as a picture; a notebook shows it."""
+    """A chart as a picture; a notebook shows it.
+
+    Attributes:
+        name: of the chart.
+        png: the picture for the screen.
+        draw: makes the figure of matplotlib.
+
+    Example:
+        >>> plot = found.plot_residuals()  # doctest: +SKIP
+        >>> plot.axes[0].set_title("Residuals of arm 3")  # doctest: +SKIP
+        >>> plot.save("residuals.pdf")  # doctest: +SKIP
+    """
 
     name: str
     png: bytes = field(repr=False)
+    draw: "Callable[[], Figure]" = field(repr=False, compare=False)
 
     def _repr_png_(self) -> bytes:
-        return self.png
+        return self._saved(".png")
+
+    @cached_property
+    def figure(self) -> "Figure":
+        """The figure of matplotlib; what is changed in it is saved too."""
+        return self.draw()
+
+    @property
+    def axes(self) -> "list[Axes]":
+        """The axes of the figure, panel by panel."""
+        return self.figure.axes
 
     def save(self, path: Path | str) -> Path:
-        """Write the picture to ``path``."""
-        write_bytes(Path(path), self.png)
-        return Path(path)
+        """Write the picture to ``path`` as PDF, SVG or PNG, by its suffix.
+
+        Raises:
+            InputError: the suffix is another one.
+        """
+        path = Path(path)
+        if path.suffix.lower() not in PLOT_FORMATS:
+            raise InputError(f"{path}: a picture is written as {', '.join(PLOT_FORMATS)}: give one of these suffixes")
+        write_bytes(path, self._saved(path.suffix.lower()))
+        return path
+
+    def _saved(self, suffix: str) -> bytes:
+        if suffix == ".png" and "figure" not in self.__dict__:
+            return self.png
+        import matplotlib  # a command that draws nothing starts quicker without
+
+        out = BytesIO()
+        with matplotlib.rc_context(SAVED_STYLE):
+            self.figure.savefig(out, format=suffix.removeprefix("."), metadata=PLOT_FORMATS[suffix])
+        return out.getvalue()
 
 
 NOT_MEASURED = "SIMULATED: nobody has measured this robot; nothing here is true of a real one"

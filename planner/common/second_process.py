@@ -10,7 +10,8 @@ import sys
 import threading
 import time
 import weakref
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import partial
 from multiprocessing import Pipe
@@ -88,6 +89,30 @@ class ForkedTask(Generic[T]):
         """End the task if the caller failed or was interrupted; else let it go on."""
         if kind is not None:
             self.stop()
+
+
+def map_in_copies(task: Callable[[A], T], arguments: Iterable[A], processes: int | None = None) -> Iterator[T]:
+    """Yield what a task returns for each argument, in their order, by copies of this process side by side.
+
+    Args:
+        task: a function of its argument alone.
+        arguments: as many as there are tasks.
+        processes: copies at a time; by default as many as there are processors.
+
+    Raises:
+        RuntimeError: a copy was ended from outside.
+    """
+    most, running = processes or available_threads(), deque[ForkedTask[T]]()
+    try:
+        for argument in arguments:
+            if len(running) == most:
+                yield running.popleft().result()
+            running.append(ForkedTask(partial(task, argument)))
+        while running:
+            yield running.popleft().result()
+    finally:
+        for left in running:
+            left.stop()
 
 
 class ForkedWorker(Generic[A, T]):

@@ -12,6 +12,7 @@ from typing import ClassVar, dataclass_transform
 import numpy as np
 from numpy.polynomial.legendre import legval
 
+from planner.common.extensions import is_defined_again
 from planner.common.units import Array
 from planner.effects.context import Context
 
@@ -78,8 +79,11 @@ class BasisFunction(ABC):
         cls.column = column
         if not key:
             return
-        for other in FUNCTIONS:
+        for k, other in enumerate(FUNCTIONS):
             if taken := set(key_words(key)) & set(key_words(other.pattern)):
+                if other.pattern == key and is_defined_again(other, cls):  # a cell of a notebook runs twice
+                    FUNCTIONS[k] = cls
+                    return
                 raise ValueError(f"basis function '{taken.pop()}': {other.__module__}.{other.__name__} has that key")
         FUNCTIONS.append(cls)
 

@@ -13,7 +13,7 @@ from planner.cell.placement import N_BASE_TRANSFORMS
 from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError, did_you_mean
-from planner.common.extensions import load_extensions
+from planner.common.extensions import is_defined_again, load_extensions
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
@@ -177,6 +177,9 @@ def register(
 ) -> Callable[[EffectGenerator], EffectGenerator]:
     """Register a generator of effects under the names of the kinds that it yields, see :class:`Registration`.
 
+    A generator that is defined again in the same place, as by a cell of a notebook that is run twice, takes the place
+    of the one before.
+
     Raises:
         ValueError: another generator yields a kind of that name, and it is not one that several gauges have.
     """
@@ -185,9 +188,11 @@ def register(
         """Put what makes the effects into the catalogue, once for each kind."""
         if not generator.__module__.startswith(f"{__package__}."):
             _import_shipped_modules()  # so that who takes one of their names is the one who is told
-        for other in _REGISTRY:
+        again = [r for r in _REGISTRY if set(kinds) & set(r.kinds) and is_defined_again(r.generator, generator)]
+        for other in (r for r in _REGISTRY if r not in again):
             if (taken := set(kinds) & set(other.kinds)) and not (by_gauge and other.by_gauge):
                 raise ValueError(f"effect '{taken.pop()}': {other.generator.__module__} has registered it already")
+        _REGISTRY[:] = [r for r in _REGISTRY if r not in again]
         _REGISTRY.append(Registration(kinds, generator, needs, by_gauge, background))
         return generator
 

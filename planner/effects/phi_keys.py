@@ -27,25 +27,30 @@ def key_patterns() -> tuple[str, ...]:
     return tuple(sorted(f.pattern for f in FUNCTIONS))
 
 
-@lru_cache(maxsize=10_000)
 def functions_in(key: str) -> tuple[type[BasisFunction], ...]:
     """Return the class of the basis function ``key``, and those of the keys inside it.
 
     Raises:
         InputError: no basis function is called so, or an argument is missing.
     """
+    return tuple([FUNCTIONS[k] for k in positions_in(key)])
+
+
+@lru_cache(maxsize=10_000)
+def positions_in(key: str) -> tuple[int, ...]:
+    """Return where the classes of :func:`functions_in` stand; a class that is defined anew stands in the same place."""
     patterns = key_patterns()
     word, *arguments = key.split(":")
-    found = [f for f in FUNCTIONS if re.fullmatch(f.pattern.split(":")[0], word)]
+    found = [k for k, f in enumerate(FUNCTIONS) if re.fullmatch(f.pattern.split(":")[0], word)]
     if not found:
         near = did_you_mean(word, [w for p in patterns for w in key_words(p)])
         raise InputError(f"the basis function '{key}' is unknown{near} (known: {', '.join(patterns)}){HINT}")
-    pattern = found[0].pattern
+    pattern = FUNCTIONS[found[0]].pattern
     kinds = pattern.split(":")[1:]
     nested = "PHI" in kinds
     if len(arguments) < len(kinds) or (len(arguments) > len(kinds) and not nested):
         raise InputError(f"the basis function '{key}' must read {pattern}")
-    return (found[0], *functions_in(":".join(arguments[len(kinds) - 1 :]))) if nested else (found[0],)
+    return (found[0], *positions_in(":".join(arguments[len(kinds) - 1 :]))) if nested else (found[0],)
 
 
 def is_static(key: str) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from functools import partial
 from io import BytesIO
 from math import ceil
 from typing import Any
@@ -15,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from PIL import Image
 
+from planner.common.result import Plot
 from planner.report.chart import (
     BLUE,
     POLAR_BASE,
@@ -71,6 +73,17 @@ def figure_png(figure: Figure, small: bool = False) -> bytes:
 
 def chart_png(chart: Chart, small: bool = False) -> bytes:
     """Return the PNG of a chart: panels in rows."""
+    with print_style():
+        return figure_png(chart_figure(chart), small)
+
+
+def chart_plot(chart: Chart, small: bool = False) -> Plot:
+    """Return the plot of a chart, whose figure a person may go on with."""
+    return Plot(chart.name, chart_png(chart, small), partial(chart_figure, chart))
+
+
+def chart_figure(chart: Chart) -> Figure:
+    """Return the figure of a chart, with an axes for each panel."""
     width_inch = 8.0  # [inch] of a chart
     polar_inch = 6.4  # [inch] of a polar chart
     many = min(chart.columns, len(chart.panels))
@@ -98,10 +111,11 @@ def chart_png(chart: Chart, small: bool = False) -> bytes:
             figure.subplots_adjust(**margin, wspace=between, hspace=0.68 * len(heights) / sum(heights))
         for ax in axes[len(chart.panels) :]:
             ax.set_axis_off()
+        FigureCanvasAgg(figure)
         if engine := figure.get_layout_engine():  # once: savefig would lay out and draw twice
             engine.execute(figure)
             figure.set_layout_engine("none")
-        return figure_png(figure, small)
+        return figure
 
 
 def _draw(ax: Axes, panel: Panel, named: set[str], room: float) -> float:

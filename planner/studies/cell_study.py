@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,14 @@ from planner.report.page import Report, report_overview
 from planner.studies.basis import compute_basis
 from planner.studies.fixture_count import count_fixtures
 from planner.studies.fixture_places import map_fixture_places
-from planner.studies.pictures import draw_curves, draw_fixtures, draw_identifiability, draw_map, draw_sensitivity
+from planner.studies.pictures import (
+    draw_curves,
+    draw_fixtures,
+    draw_identifiability,
+    draw_map,
+    draw_sensitivity,
+    map_figure,
+)
 from planner.studies.study_call import StudyCall
 from planner.studies.summary import TABLES, StudySummary
 
@@ -85,7 +92,7 @@ class StudyResult(FolderResult):
 
     def plot_fixture_map(self) -> Plot:
         """Return where a fixture shows how much."""
-        return Plot("fixture_map", self._map)
+        return Plot("fixture_map", self._map, partial(map_figure, self.findings.places))
 
     @cached_property
     def _map(self) -> bytes:

@@ -198,6 +198,12 @@ MARKS: dict[str, dict[str, Any]] = {
 
 
 def draw_map(places: FixtureMap) -> bytes:
+    """Return the picture of the map of places."""
+    with print_style():
+        return figure_png(map_figure(places))
+
+
+def map_figure(places: FixtureMap) -> Figure:
     """Draw two grids of places, coloured by the ratio of their index to that of the present place.
 
     The present and the best place are marked. The index itself stands on the index curve alone.
@@ -212,7 +218,7 @@ def draw_map(places: FixtureMap) -> bytes:
         _draw_upright(upright, places, colours)
         _draw_colour_bar(figure, [level, upright], places, colours)
         figure.legend(handles=_map_legend(places), loc="outside lower center", ncols=5)
-        return figure_png(figure)
+        return figure
 
 
 def _draw_cells(ax: Axes, places: FixtureMap, plane: str, half: tuple[float, float], colours: ScalarMappable) -> None:

@@ -1,111 +1,231 @@
-"""Sweeps: fixtures × bars × tools × numbers of poses × cells, arms drawn at random at each point, here or on a cluster.
+"""Sweeps: every combination of values of a cell's keys, the same arms at each point, here or on a cluster.
 
 Finished parts are the truth: a sweep that was stopped goes on with what is missing, and gives the same numbers
-whatever computes them.
+whatever computes them. Parts are named by content (cell, robot, meshes, priors, options, version, seed), so that a cell
+that was changed is computed anew, and one that was moved to another folder is not.
 """
 
-import hashlib
 import io
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
-from itertools import product
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-import numpy as np
 import polars as pl
-from pydantic import Field
-from threadpoolctl import threadpool_limits
 
-from planner.cell.cell import Cell
-from planner.cell.file import CellFile
-from planner.cell.reading import cell_of, load_cell
-from planner.common.cluster import connect
-from planner.common.errors import InputError, MissingProgramError, PlannerError
-from planner.common.files import INPUTS, document_text, write_together
-from planner.common.progress import Progress, no_progress
+from planner.cell.reading import load_cell
+from planner.common.choices import IndexName
+from planner.common.cluster import connect, refuse_pickles
+from planner.common.errors import InputError, MissingProgramError
+from planner.common.files import document_text, write_together
+from planner.common.notebook import shown_progress
+from planner.common.progress import Progress
 from planner.common.result import Result
-from planner.common.schema import StrictModel, read_toml
+from planner.common.schema import read_toml, validate
+from planner.common.second_process import map_in_copies
 from planner.common.summary import Summary
-from planner.common.units import Array, to_mm
-from planner.design.candidates.pool import draw_candidates
-from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
-from planner.design.pose_selection import identify_candidates
-from planner.design.selection.index_search import exchange_poses
-from planner.kinematics.bodies import Vector
+from planner.motion.planning_packages import require_planning_packages
+from planner.studies.sweep_comparison import compare_neighbours
+from planner.studies.sweep_file import SCHEMA, SweepFile, changed_file, column_value
+from planner.studies.sweep_point import SweepTask, cell_hash, run_task
 
-Triple = tuple[float, float, float]
+TIMEOUT = "20s"  # for the scheduler to answer
 
 
 @dataclass(frozen=True)
-class SweepTask:
-    """One point: a cell with other places and sizes, ``None`` where they stay, and the trials in it."""
+class SweepResult(Result):
+    """All trials of a sweep.
 
-    cell: str
-    poses: int
-    trials: int
-    seed: int
-    candidates: int
-    fixture_mm: Triple | None = None
-    bar_mm: tuple[float, float] | None = None
-    tool_mm: Triple | None = None
+    Attributes:
+        table: one row a trial: ``point``, ``cell``, ``poses``, a column for each axis, ``trial``, the tool's error over
+            the workspace ``nominal_mm``, ``geometry_mm``, ``posterior_mm``, and ``because``.
+        axes: names of the columns that tell the points apart.
+        points: how many there are; ``known``: of how many the parts were there already.
+    """
 
-    @property
-    def key(self) -> str:
-        """Name of its part: a hash of what decides its numbers."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:16]
+    table: pl.DataFrame
+    axes: tuple[str, ...]
+    points: int
+    known: int
 
-    def load(self) -> Cell:
-        """Return the cell.
+    @cached_property
+    def figures(self) -> pl.DataFrame:
+        """One row a point: median and 95 % of the tool's error over the arms, best first.
 
-        Raises:
-            InputError: it contradicts itself with these values.
+        ``posterior_se_mm`` is the standard error of the median; ``next_…`` compare it with the next point, see
+        :meth:`comparisons`.
         """
-        base = load_cell(self.cell)
-        file: CellFile = base.file
-        gauge: dict[str, object] = {"mount_deg": None}
-        plan = {"candidates": self.candidates}
-        if self.bar_mm is not None:
-            gauge |= {"length_mm": self.bar_mm}
-        fixture: dict[str, object] = {"mount_deg": None} | (
-            {} if self.fixture_mm is None else {"position_mm": self.fixture_mm}
-        )
-        changed = {
-            "gauge": file.gauge.model_copy(update=gauge),
-            "plan": file.plan.model_copy(update=plan),
-            "fixtures": (file.fixtures[0].model_copy(update=fixture), *file.fixtures[1:]),
+        return compare_neighbours(self.table, self.axes).figures
+
+    @cached_property
+    def comparisons(self) -> pl.DataFrame:
+        """One row a pair of neighbours: along which axis (or ``rank``), difference, standard error, ``differs``.
+
+        Differences are of the same arms; ``differs`` holds where it is not chance (5 % over all pairs, Holm).
+        """
+        return compare_neighbours(self.table, self.axes).pairs
+
+    def overview(self) -> Summary:
+        """Return the best points, and which of them chance could have ordered."""
+        facts = []
+        for row in self.figures.head(8).iter_rows(named=True):
+            where = ", ".join(f"{k} {row[k]}" for k in self.axes if row[k] is not None)
+            if row["posterior_mm"] is None:
+                facts.append(("none", f"{where}: {row['because']}"))
+                continue
+            next_ = {True: "; better than the next", False: "; the next may be as good", None: ""}[row["next_differs"]]
+            facts.append(
+                (
+                    f"{row['posterior_mm']:.3f} mm",
+                    f"{where}; 95 % within {row['posterior_95_mm']:.3f}, geometry alone {row['geometry_mm']:.3f}, "
+                    f"uncalibrated {row['nominal_mm']:.3f} mm{next_}",
+                )
+            )
+        known = f"{self.points} points, {self.known} of them computed before"
+        return Summary(f"{known}; tool error over the workspace, median of arms:", facts)
+
+    def content(self) -> Mapping[str, Any]:
+        """Return the figures of every point, and the comparisons of neighbours."""
+        return {
+            "schema": "edbb-sweep-result/2",
+            "points": self.figures.to_dicts(),
+            "comparisons": self.comparisons.to_dicts(),
         }
-        if self.tool_mm is not None and file.tool is not None:
-            changed["tool"] = file.tool.model_copy(update={"map_mm": self.tool_mm})
-        return cell_of(file.model_copy(update=changed), base.path, base.name)
+
+    def write(self, folder: Path | str, force: bool = False) -> list[Path]:
+        """Write ``sweep.json``, ``sweep.csv`` and ``comparisons.csv`` beside the parts; older ones are its own."""
+        folder = Path(folder)
+        texts = {
+            "sweep.json": document_text(self.content()),
+            "sweep.csv": self.figures.write_csv(),
+            "comparisons.csv": self.comparisons.write_csv(),
+        }
+        write_together([(folder / name, text.encode()) for name, text in texts.items()], own=True)
+        return [folder / name for name in texts]
+
+    def files(self, folder: Path) -> str:
+        """Name what is written."""
+        return "sweep.json, sweep.csv, comparisons.csv, parts/*.parquet"
 
 
-def run_task(task: SweepTask) -> pl.DataFrame:
-    """Return one row a trial; where nothing can be measured, one row that says why. Deterministic."""
+def sweep(
+    wanted: Path | str | Mapping[str, Any],
+    folder: Path | str | None = None,
+    *,
+    seed: int | None = None,
+    index: IndexName | None = None,
+    scheduler: str | None = None,
+    cluster_keys: Path | None = None,
+    progress: Progress | None = None,
+) -> SweepResult:
+    """Compute the points of a sweep that are missing in ``folder``, and return all of it.
+
+    Args:
+        wanted: ``SWEEP.toml``, or its content; cells by path then count from where you are.
+        folder: of the results; ``parts`` in it holds what is finished. Without it nothing is kept.
+        seed: of arms and poses, in place of the file's.
+        index: by which poses are chosen, in place of the file's or the cell's.
+        scheduler: address of a Dask scheduler (``tls://…``); by default everything is computed here.
+        cluster_keys: folder of the keys of its cluster.
+        progress: called with the stage, how much of it is done, and of how much.
+
+    Raises:
+        InputError: the file is wrong, or an axis is no key of a cell's file.
+        MissingProgramError: Dask is not installed, or nobody answers at the address.
+
+    Example:
+        >>> noise = {"cells": ["ur10/edbb"], "poses": [40], "axes": {"gauge.noise_um": [2, 10, 50]}}
+        >>> sweep(noise, trials=50).figures  # doctest: +SKIP
+    """
+    require_planning_packages()
+    where = "the sweep" if isinstance(wanted, Mapping) else str(wanted)
+    file = (
+        validate({"schema": SCHEMA, **wanted}, SweepFile, where)
+        if isinstance(wanted, Mapping)
+        else read_toml(Path(wanted), SweepFile)
+    )
+    said = {"seed": seed, "index": index}
+    file = file.model_copy(update={k: v for k, v in said.items() if v is not None})
+    file.check(where)
+    tasks = make_tasks(file, Path.cwd() if isinstance(wanted, Mapping) else Path(wanted).parent)
+    with shown_progress(progress) as say:
+        parts, known = _collect(tasks, None if folder is None else Path(folder) / "parts", scheduler, cluster_keys, say)
+    labels = [_labels(task, k, file) for k, task in enumerate(tasks)]
+    whole = [
+        part.select(*(pl.lit(value).alias(key) for key, value in label.items()), pl.all())
+        for part, label in zip(parts, labels, strict=True)
+    ]
+    return SweepResult(pl.concat(whole, how="vertical_relaxed"), tuple(labels[0])[1:], len(tasks), known)
+
+
+def make_tasks(file: SweepFile, folder: Path) -> list[SweepTask]:
+    """Return the points of a sweep in order; all that their cells say is checked against the schema.
+
+    Raises:
+        InputError: a cell is none, its gauge is not at poses, or a change does not fit.
+    """
+    index = () if file.index is None else (("plan.index", file.index),)
+    cells = {name: load_cell(name) for name in file.named_cells(folder)}
+    for cell in cells.values():
+        if cell.is_under_load:
+            raise InputError(
+                f"{cell.path}: a sweep is of gauges that measure at poses, and this cell drives something else"
+            )
+    hashes = {name: cell_hash(cell) for name, cell in cells.items()}
+    tasks = [
+        SweepTask(name, hashes[name], poses, file.trials, file.seed, file.candidates, (*changes, *index))
+        for name, poses, changes in file.points(list(cells))
+    ]
+    for task in tasks:
+        _ = changed_file(cells[task.cell].file, task.changes, task.candidates, task.cell)
+    return tasks
+
+
+def _labels(task: SweepTask, number: int, file: SweepFile) -> dict[str, object]:
+    values = {key: column_value(value) for key, value in task.changes if key in file.all_axes}
+    return {"point": number, "cell": task.cell, "poses": task.poses, **values}
+
+
+def _collect(
+    tasks: Sequence[SweepTask], parts: Path | None, scheduler: str | None, keys: Path | None, say: Progress
+) -> tuple[list[pl.DataFrame], int]:
+    """Return the tables of all tasks, those that are missing computed and kept, and how many were there."""
+    found: dict[str, pl.DataFrame] = {}
+    if parts is not None:
+        parts.mkdir(parents=True, exist_ok=True)
+        found = {t.key: table for t in tasks if (table := _read_part(parts / f"{t.key}.parquet")) is not None}
+    known = sum(t.key in found for t in tasks)
+    missing = list({t.key: t for t in tasks if t.key not in found}.values())
+    say("points", known, len(tasks))
+    for task, table in compute(missing, scheduler, keys):
+        if parts is not None:
+            write_part(task, table, parts)
+        found[task.key] = table
+        say("points", sum(t.key in found for t in tasks), len(tasks))
+    return [found[t.key] for t in tasks], known
+
+
+def write_part(task: SweepTask, table: pl.DataFrame, folder: Path) -> None:
+    """Write a finished part, whole or not at all."""
+    draft = folder / f".{task.key}.draft"
+    table.write_parquet(draft)
+    draft.replace(folder / f"{task.key}.parquet")
+
+
+def _read_part(path: Path) -> pl.DataFrame | None:
+    """Return a part; ``None`` where there is none, or a machine died while it wrote."""
     try:
-        with threadpool_limits(1, user_api="blas"):
-            errors, said = _errors(task), ""
-    except PlannerError as err:
-        errors, said = np.full((1, 3), np.nan), str(err)
-    n = len(errors)
-    place = {"fixture": task.fixture_mm, "tool": task.tool_mm}
-    columns: dict[str, object] = {"cell": [task.cell] * n, "poses": [task.poses] * n}
-    columns |= {f"{k}_{a}_mm": [None if v is None else v[i]] * n for k, v in place.items() for i, a in enumerate("xyz")}
-    columns |= {
-        f"bar_{e}_mm": [None if task.bar_mm is None else task.bar_mm[i]] * n for i, e in enumerate(("min", "max"))
-    }
-    columns |= {"trial": np.arange(n, dtype=np.int64)}
-    columns |= {f"{name}_mm": to_mm(errors[:, k]) for k, name in enumerate(("nominal", "geometry", "posterior"))}
-    numbers = [c for c in columns if c.endswith("_mm")]
-    return pl.DataFrame(columns | {"because": [said] * n}).with_columns(pl.col(numbers).cast(pl.Float64))
+        return pl.read_parquet(path)
+    except (OSError, pl.exceptions.PolarsError):
+        return None
 
 
 def run_task_there(task: SweepTask) -> bytes:
     """Return the table of a task as data: what came from another machine is read, and not run."""
     out = io.BytesIO()
-    run_task(task).write_ipc(out)
+    run_task(task).table().write_ipc(out)
     return out.getvalue()
 
 
@@ -120,189 +240,34 @@ def read_table(data: object) -> pl.DataFrame:
     return pl.read_ipc(io.BytesIO(data))
 
 
-def _errors(task: SweepTask) -> Array:
-    """Error of the tool over the workspace, rms, of every trial (m, 3) [m]: nominal, geometry alone, posterior."""
-    cell = task.load()
-    pool = draw_candidates(cell, cell.plan.candidates, task.seed)
-    rows = identify_candidates(cell, pool)[2]
-    # 300: steps of annealing in the choice of poses
-    chosen = exchange_poses(rows, task.poses, cell.plan.index, seed=task.seed, steps=300).chosen
-    samples = pool.samples.take(chosen)
-    found = undeclared_errors(cell, samples)
-    white = found.white(samples)
-    rng = np.random.default_rng(int(task.key, 16))
-    z = rng.standard_normal((task.trials, white.shape[1]))
-    y = z @ white.T + rng.standard_normal((task.trials, len(white)))
-    geometry = np.array([not p.is_effect for p in found.model.parameters])
-    plain = np.zeros_like(z)
-    plain[:, geometry] = _ridge(white[:, geometry], y)
-    return np.stack([_tool_error(found, e) for e in (z, z - plain, z - _ridge(white, y))], axis=1)
-
-
-def _ridge(white: Array, y: Array) -> Array:
-    """Return the posterior mean (m, P) of unit normal errors from white readings y (m, n)."""
-    inner = white @ white.T + np.eye(len(white))
-    return np.asarray(np.linalg.solve(inner, y.T).T @ white)
-
-
-def _tool_error(found: UndeclaredErrors, errors: Array) -> Array:
-    square = np.einsum("mp,pq,mq->m", errors, found.weight_per_prior, errors)
-    return np.asarray(np.sqrt(np.maximum(square, 0.0)))
-
-
-def write_part(task: SweepTask, table: pl.DataFrame, folder: Path) -> None:
-    """Write a finished part, whole or not at all."""
-    draft = folder / f".{task.key}.draft"
-    table.write_parquet(draft)
-    draft.replace(folder / f"{task.key}.parquet")
-
-
-TIMEOUT = "20s"  # for the scheduler to answer
-PLACE = [f"{what}_{axis}_mm" for what in ("fixture", "tool") for axis in "xyz"]
-POINT = ["cell", "poses", *PLACE, "bar_min_mm", "bar_max_mm"]
-
-
-class SweepFile(StrictModel):
-    """``SWEEP.toml``: every combination is a point; what is left out stays as the cell has it."""
-
-    schema_: Literal["edbb-sweep/1"] = Field(alias="schema")
-    cells: Annotated[tuple[str, ...], Field(min_length=1)]
-    poses: Annotated[tuple[Annotated[int, Field(ge=4, le=1000)], ...], Field(min_length=1)]
-    fixtures_mm: tuple[Vector, ...] = ()
-    bars_mm: tuple[tuple[float, float], ...] = ()
-    tools_mm: tuple[Vector, ...] = ()
-    trials: Annotated[int, Field(ge=1, le=100_000)] = 200
-    candidates: Annotated[int, Field(ge=100, le=100_000)] = 800
-    seed: Annotated[int, Field(ge=0)] = 0
-
-    def tasks(self, folder: Path) -> list[SweepTask]:
-        """Return the points in order; cells are shipped ones, or paths from ``folder``."""
-        paths = [(folder / c).resolve() for c in self.cells]
-        there = [INPUTS.allows(p) and p.is_file() for p in paths]
-        cells = [str(p) if is_file else c for c, p, is_file in zip(self.cells, paths, there, strict=True)]
-        each = product(cells, self.poses, self.fixtures_mm or [None], self.bars_mm or [None], self.tools_mm or [None])
-        return [SweepTask(c, n, self.trials, self.seed, self.candidates, f, b, t) for c, n, f, b, t in each]
-
-
-@dataclass(frozen=True)
-class SweepResult(Result):
-    """All trials of a sweep, one row each, and how many parts were there already."""
-
-    table: pl.DataFrame
-    points: int
-    known: int
-
-    @property
-    def figures(self) -> pl.DataFrame:
-        """One row a point: median and 95 % of the tool's error, best first."""
-        value = pl.col("posterior_mm")
-        figures = [
-            pl.col("nominal_mm").median(), pl.col("geometry_mm").median(), value.median().alias("posterior_mm"),
-            value.quantile(0.95).alias("posterior_95_mm"), pl.col("because").first(),
-        ]  # fmt: skip
-        grouped = self.table.group_by(POINT, maintain_order=True).agg(figures)
-        return grouped.with_columns(pl.col(pl.Float64).fill_nan(None)).sort(
-            "posterior_mm", nulls_last=True, maintain_order=True
-        )
-
-    def overview(self) -> Summary:
-        """Return the best points."""
-        facts = []
-        for row in self.figures.head(8).iter_rows(named=True):
-            where = ", ".join(f"{k} {v}" for k, v in row.items() if k in POINT and v is not None)
-            if row["posterior_mm"] is None:
-                facts.append(("none", f"{where}: {row['because']}"))
-                continue
-            facts.append(
-                (
-                    f"{row['posterior_mm']:.3f} mm",
-                    f"{where}; 95 % within {row['posterior_95_mm']:.3f}, geometry alone {row['geometry_mm']:.3f}, "
-                    f"uncalibrated {row['nominal_mm']:.3f} mm",
-                )
-            )
-        known = f"{self.points} points, {self.known} of them computed before"
-        return Summary(f"{known}; tool error over the workspace, median of arms:", facts)
-
-    def content(self) -> Mapping[str, Any]:
-        """Return the figures of every point."""
-        return {"schema": "edbb-sweep-result/1", "points": self.figures.to_dicts()}
-
-    def write(self, folder: Path | str, force: bool = False) -> list[Path]:
-        """Write ``sweep.json`` and ``sweep.csv`` beside the parts, which stay; older ones are the sweep's own."""
-        folder = Path(folder)
-        texts = {"sweep.json": document_text(self.content()), "sweep.csv": self.figures.write_csv()}
-        write_together([(folder / name, text.encode()) for name, text in texts.items()], own=True)
-        return [folder / name for name in texts]
-
-    def files(self, folder: Path) -> str:
-        """Name what is written."""
-        return "sweep.json, sweep.csv, parts/*.parquet"
-
-
-def sweep(
-    file: Path | str,
-    folder: Path | str,
-    *,
-    scheduler: str | None = None,
-    cluster_keys: Path | None = None,
-    progress: Progress = no_progress,
-) -> SweepResult:
-    """Compute the parts of a sweep that are missing in ``folder``, and return all of it.
-
-    Args:
-        file: ``SWEEP.toml``.
-        folder: of the results; ``parts`` in it holds what is finished.
-        scheduler: address of a Dask scheduler (``tls://…``); by default everything is computed here.
-        cluster_keys: folder of the keys of its cluster.
-        progress: called with the stage, how much of it is done, and of how much.
-
-    Raises:
-        InputError: the file is wrong.
-        MissingProgramError: Dask is not installed, or nobody answers at the address.
-    """
-    wanted = read_toml(Path(file), SweepFile)
-    tasks = wanted.tasks(Path(file).parent)
-    for cell in {t.cell for t in tasks}:
-        load_cell(cell).require_bar(f"{file}, 'cells': a sweep is of bars and their fixtures")
-    parts = Path(folder) / "parts"
-    parts.mkdir(parents=True, exist_ok=True)
-    missing = [t for t in tasks if not _is_whole(parts / f"{t.key}.parquet")]
-    done = len(tasks) - len(missing)
-    for task, table in compute(missing, scheduler, cluster_keys):
-        write_part(task, table, parts)
-        done += 1
-        progress("points", done, len(tasks))
-    return SweepResult(
-        pl.concat([pl.read_parquet(parts / f"{t.key}.parquet") for t in tasks]), len(tasks), len(tasks) - len(missing)
-    )
-
-
-def _is_whole(path: Path) -> bool:
-    try:
-        return pl.read_parquet_schema(path) != {}
-    except (OSError, pl.exceptions.PolarsError):
-        return False
-
-
 def compute(
     tasks: Sequence[SweepTask], scheduler: str | None, keys: Path | None = None
 ) -> Iterator[tuple[SweepTask, pl.DataFrame]]:
-    """Yield tasks with their tables as they are finished.
+    """Yield tasks with their tables as they are finished; from a cluster this process reads data alone, no pickle.
 
     Raises:
+        InputError: a worker has other files than this process, or sends no table.
         MissingProgramError: Dask is not installed, or nobody answers at the address.
     """
     if scheduler is None or not tasks:
-        for task in tasks:
-            yield task, run_task(task)
+        for task, found in zip(tasks, map_in_copies(run_task, tasks), strict=True):
+            yield task, found.table()
         return
     try:
-        from distributed import as_completed
+        from distributed import Scheduler, as_completed
     except ImportError as err:
         raise MissingProgramError("--scheduler needs Dask: pip install 'edbb-planner[cluster]' installs it") from err
     with ExitStack() as stack:
+        if not list(Scheduler._instances):  # a scheduler of this process could not read its own tasks
+            stack.callback(refuse_pickles())
         client = stack.enter_context(connect(scheduler, keys, "--scheduler", TIMEOUT, "edbb-study"))
         # 3: times, if a task's worker dies
         futures = {client.submit(run_task_there, t, key=f"edbb-{t.key}", retries=3): t for t in tasks}
         for future in as_completed(futures):  # type: ignore[no-untyped-call]
-            yield futures.pop(future), read_table(future.result())  # forgotten there and here: a sweep may be long
+            task = futures.pop(future)  # forgotten there and here: a sweep may be long
+            try:
+                yield task, read_table(future.result())
+            except InputError:
+                raise
+            except Exception as err:
+                raise InputError(f"{task.cell}: a worker failed ({err})") from err

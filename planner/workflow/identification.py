@@ -228,12 +228,12 @@ class CalibrationResult(FolderResult):
         """
         from planner.report.calibration_charts import draw_calibration_charts
         from planner.report.calibration_data import CalibrationFacts
-        from planner.report.matplotlib_backend import chart_png
+        from planner.report.matplotlib_backend import chart_plot
 
         charts = {chart.name: chart for chart in draw_calibration_charts(CalibrationFacts(self.calibration)).every}
         if name not in charts:
             raise InputError(f"no chart '{name}' (there: {', '.join(charts)})")
-        return Plot(name, chart_png(charts[name], small=True))
+        return chart_plot(charts[name], small=True)
 
 
 @called_with(IdentifyCall)

@@ -246,6 +246,6 @@ def _numbered_stem(name: str) -> tuple[str, str]:
 
 
 def _plot(chart: Any) -> Plot:
-    from planner.report.matplotlib_backend import chart_png
+    from planner.report.matplotlib_backend import chart_plot
 
-    return Plot(chart.name, chart_png(chart))
+    return chart_plot(chart)

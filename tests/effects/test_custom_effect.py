@@ -2,7 +2,9 @@
 
 import importlib
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 import planner.effects.basis as basis
@@ -12,7 +14,7 @@ from planner.common.units import display_unit, format_value
 from planner.effects.catalogue import catalogue, check_effect_name, effect_kinds, needs_of
 from planner.effects.context import Context
 from planner.effects.effect import Parameter, transform_move
-from planner.effects.phi_keys import functions_in, is_static, phi_from_key
+from planner.effects.phi_keys import is_static, phi_from_key, positions_in
 from planner.identification.pipeline import FitSettings, identify
 from planner.tracing.trace import trace
 from planner.workflow.plan_use import simulate
@@ -41,7 +43,7 @@ def hose(monkeypatch):
     monkeypatch.setattr(importlib.import_module("planner.effects.phi_keys"), "FUNCTIONS", basis.FUNCTIONS)
     monkeypatch.delitem(sys.modules, "tests.effects.hose_pull", raising=False)
     yield importlib.import_module("tests.effects.hose_pull")
-    functions_in.cache_clear()  # what is registered stays, but for this test
+    positions_in.cache_clear()  # what is registered stays, but for this test
 
 
 @pytest.mark.usefixtures("hose")
@@ -89,6 +91,27 @@ def test_a_key_or_a_kind_that_is_taken_is_refused():
         with pytest.raises(ValueError, match=r"'backlash': planner\.effects\.backlash has registered it already"):
             registry.register("slack", "backlash", by_gauge=own)(lambda run: iter(()))
     assert before == (basis.FUNCTIONS, registry._REGISTRY)
+
+
+def test_a_cell_of_a_notebook_that_defines_an_effect_runs_twice(hose):
+    """The second definition counts, also for keys that were looked up before; another module is still refused."""
+    assert phi_from_key("hose:4", 6)(SimpleSamples(0.5)) == pytest.approx(0.3)
+    text = Path(hose.__file__).read_text().replace("SLACK = 0.2", "SLACK = 0.1").replace("JOINT: hose", "JOINT: rope")
+    count = len(basis.FUNCTIONS), len(registry._REGISTRY)
+    exec(compile(text, hose.__file__, "exec"), hose.__dict__)
+    assert (len(basis.FUNCTIONS), len(registry._REGISTRY)) == count
+    assert phi_from_key("hose:4", 6)(SimpleSamples(0.5)) == pytest.approx(0.4)
+    assert phi_from_key("hose:4", 6).plot_label == "joint JOINT: rope wound up (rad)"
+    with pytest.raises(ValueError, match="has that key"):
+        exec(text, {"__name__": "elsewhere"})
+
+
+class SimpleSamples:
+    """A context with one sample at which joint 4 stands at an angle [rad]."""
+
+    def __init__(self, angle):
+        self.samples = self
+        self.q = np.full((1, 6), angle)
 
 
 @pytest.mark.parametrize(("unit", "said"), [("mm", "'m' would be"), ("rad/Nm^2", "'Nm\\^2' is no unit")])

@@ -13,7 +13,7 @@ from planner.common.progress import StageProgress
 from planner.common.sequences import sobol_points
 from planner.common.units import Array, read_only, to_mm
 from planner.design.assumptions import BALL_MARGIN, CHANCE_OF_A_LED_ARM, LEAST_SINGULAR_VALUE, TURN_MARGIN_SIGMAS
-from planner.design.candidates.pool import Funnel, PoseSet
+from planner.design.candidates.pool import Funnel, PoseSet, draw_candidates
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, smallest_singular_value, solve_point_ik
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
@@ -155,6 +155,16 @@ def draw_ball_candidates(cell: Cell, count: int, seed: int = 0, progress: StageP
     q, back = (read_only(np.vstack(p)) for p in zip(*parts, strict=True))
     left = funnel if contact else SocketFunnel(*astuple(funnel))
     return PoseSet(Samples.at(q), left, which, back)
+
+
+def draw_pose_candidates(cell: Cell, count: int, seed: int = 0, progress: StageProgress | None = None) -> PoseSet:
+    """Draw ``count`` candidates for any gauge: at the balls of an artifact where it is read there, else anywhere.
+
+    Raises:
+        NoSolutionError: as :func:`draw_ball_candidates` and :func:`planner.design.candidates.pool.draw_candidates`.
+    """
+    draw = draw_ball_candidates if cell.gauge.at_balls else draw_candidates
+    return draw(cell, count, seed, progress)
 
 
 class _BallFilter:

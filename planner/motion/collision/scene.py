@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from hashlib import sha256
 from itertools import compress
 from pathlib import Path
 from typing import Literal
@@ -15,7 +16,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 from planner.cell.cell import Cell
 from planner.cell.gauge_types import GaugeBody
 from planner.common.errors import InputError
-from planner.common.files import check_readable
+from planner.common.files import read_bytes
 from planner.common.units import Array, read_only, to_mm
 from planner.kinematics.bodies import Body, Vector
 from planner.kinematics.robot import Robot
@@ -33,8 +34,8 @@ def mesh_faces(body: Body) -> tuple[Array, np.ndarray]:
         InputError: it is too large, is no mesh, or has no triangle or a vertex that is no number.
     """
     assert body.mesh is not None
-    check_readable(body.mesh, 50_000_000)  # bytes: 50 000 triangles take 2.5 MB as binary STL
-    return _faces(body.mesh, body.mesh.stat().st_mtime_ns, body.scale, body.hull)
+    content = read_bytes(body.mesh, 50_000_000)  # bytes: 50 000 triangles take 2.5 MB as binary STL
+    return _faces(body.mesh, sha256(content).digest(), body.scale, body.hull)
 
 
 HULL_ADVICE = "say hull = true for the convex hull, reduce it, or cover the body with boxes and capsules"
@@ -48,7 +49,7 @@ def polytope_excess(body: Body) -> float:
 
 
 @lru_cache(maxsize=256)
-def _faces(path: Path, _written: int, scale: Vector, hull: bool) -> tuple[Array, np.ndarray]:
+def _faces(path: Path, _content: bytes, scale: Vector, hull: bool) -> tuple[Array, np.ndarray]:
     # 200 000: of a mesh of which the hull alone counts; it takes 2 GB to be read
     most = 200_000 if hull else MOST_TRIANGLES
     if (count := count_triangles(path)) > most:

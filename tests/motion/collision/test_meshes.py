@@ -1,5 +1,7 @@
 """A mesh of a box is the box: both engines, obstacle and URDF link; a broken mesh file is named."""
 
+import os
+
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
@@ -125,3 +127,14 @@ def test_a_polytope_is_never_further_away_than_its_mesh(tmp_path):
         assert bool(describe_polytopes(cell)) == (hull == "true")
     apart = found[0] > 1e-3
     np.testing.assert_allclose(found[1][apart], found[0][apart], atol=1e-6)
+
+
+def test_a_mesh_that_another_one_of_the_same_time_replaced_is_read_anew(tmp_path):
+    """As ``cp -p`` or an archive leaves it: the content decides, not the time of the file."""
+    path = tmp_path / "box.stl"
+    reach = []
+    for scale in (1.0, 2.0):
+        stl(path, scale)
+        os.utime(path, (1e9, 1e9))
+        reach.append(np.abs(mesh_faces(Body("box", "mesh", (), np.eye(4), path))[0]).max())
+    assert reach == pytest.approx([0.25, 0.5])
