@@ -23,8 +23,11 @@ if TYPE_CHECKING:  # for type checkers and editors
     from planner.cell.reading import load_cell as load_cell
     from planner.common.result import Plot as Plot
     from planner.common.result import Result as Result
+    from planner.identification.forward import forward as forward
     from planner.kinematics.robot import Robot as Robot
     from planner.kinematics.robot_reader import load_robot as load_robot
+    from planner.runs.frames import frame_of_run as frame_of_run
+    from planner.runs.frames import run_of_frame as run_of_frame
     from planner.runs.loader import load_run as load_run
     from planner.runs.run import Run as Run
     from planner.wings.names import *  # noqa: F403  (extensions say what they give)
@@ -32,6 +35,8 @@ if TYPE_CHECKING:  # for type checkers and editors
     from planner.workflow.compensation import compensate as compensate
     from planner.workflow.identification import CalibrationResult as CalibrationResult
     from planner.workflow.identification import identify as identify
+    from planner.workflow.many import identify_many as identify_many
+    from planner.workflow.many import simulate_many as simulate_many
     from planner.workflow.plan_results import ExportResult as ExportResult
     from planner.workflow.plan_results import PlanResult as PlanResult
     from planner.workflow.plan_results import SimulationResult as SimulationResult
@@ -43,12 +48,15 @@ _MODULES = {
     "cell.cell": ("Cell",),
     "cell.reading": ("load_cell",),
     "common.result": ("Plot", "Result"),
+    "identification.forward": ("forward",),
     "kinematics.robot": ("Robot",),
     "kinematics.robot_reader": ("load_robot",),
+    "runs.frames": ("frame_of_run", "run_of_frame"),
     "runs.loader": ("load_run",),
     "runs.run": ("Run",),
     "workflow.compensation": ("CompensationResult", "compensate"),
     "workflow.identification": ("CalibrationResult", "identify"),
+    "workflow.many": ("identify_many", "simulate_many"),
     "workflow.plan_use": ("export", "simulate"),
     "workflow.plan_results": ("ExportResult", "PlanResult", "SimulationResult"),
     "workflow.planning": ("plan",),

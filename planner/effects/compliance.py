@@ -138,7 +138,7 @@ def compliance_parameters(setup: MeasurementSetup) -> list[Parameter]:
     priors = setup.robot.priors
     size = [priors.compliance * priors.factor(f"compliance, joint {i + 1}") for i in range(setup.robot.n_joints)]
     return [
-        Parameter(f"compliance{i + 1}", "rad/Nm", size[i], f"compliance of joint {i + 1}",
+        Parameter(name := f"compliance{i + 1}", "rad/Nm", priors.size(name, size[i]), f"compliance of joint {i + 1}",
                   transform_move(k, LoadTorque(i)), JOINT_COMPLIANCE)
         for i, k in enumerate(setup.chain.joint_places.tolist()) if not setup.robot.slides[i]
     ]  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.cell.placement import N_BASE_TRANSFORMS, Placement
 from planner.cell.setup import MeasurementSetup
-from planner.common.units import Array, display_unit, si_unit
+from planner.common.units import DEG, MM, UM, Array, display_unit, si_unit
 from planner.effects.basis import ONE, AtPoint, BasisFunction
 from planner.kinematics.robot import Robot
 
@@ -69,6 +69,21 @@ class Parameter:
     def is_effect(self) -> bool:
         """Whether it neither places the gauge nor belongs to the geometry."""
         return self.group not in ("gauge", "geometry")
+
+
+def unit_spellings(p: Parameter) -> dict[str, float]:
+    """Return how a parameter's unit may stand in a key, and its factor to SI; the first is how it is written."""
+    known = {
+        "m": {"mm": MM, "um": UM, "m": 1.0},
+        "rad": {"deg": DEG, "mrad": 1e-3, "urad": 1e-6, "rad": 1.0},
+        "rad/Nm": {"urad_Nm": 1e-6, "deg_Nm": DEG, "rad_Nm": 1.0},
+    }
+    return known.get(p.unit, {p.unit.replace("/", "_"): 1.0})
+
+
+def parameter_keys(p: Parameter) -> list[tuple[str, float]]:
+    """Return the keys that give a parameter a value, such as ``theta2_deg``, and the factor of each to SI."""
+    return [(f"{p.name}_{spelling}", factor) for spelling, factor in unit_spellings(p).items()]
 
 
 def transform_move(index: int, phi: BasisFunction = ONE) -> tuple[ParameterMove, ...]:

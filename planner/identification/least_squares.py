@@ -318,11 +318,16 @@ def _shrinkage(solution: Solution) -> Array:
 
 
 def prior_groups(model: Model) -> Iterator[list[int]]:
-    """Yield the positions of parameters that share a factor: same group and unit; parameters of the gauge have none."""
-    labels = [(p.group, p.unit) for p in model.parameters]
-    for label in dict.fromkeys(labels):
-        if label[0] != "gauge":
-            yield [j for j, other in enumerate(labels) if other == label]
+    """Yield the positions of parameters that share a factor: same group and unit.
+
+    Parameters of the gauge have none, nor have those whose sizes a person stated.
+    """
+    stated = dict(model.setup.robot.priors.sizes)
+    groups = dict[tuple[str, str], list[int]]()
+    for j, p in enumerate(model.parameters):
+        if p.group != "gauge" and p.name not in stated:
+            groups.setdefault((p.group, p.unit), []).append(j)
+    yield from groups.values()
 
 
 def prior_factors(model: Model, prior: Array, errors: Array, shrinkage: Array) -> Array:

@@ -1,9 +1,10 @@
 """The true errors and effects of a simulated robot: read from ``TRUTH.toml``, or drawn from their priors."""
 
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from zlib import crc32
 
 import numpy as np
@@ -15,10 +16,10 @@ from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import read_utf8
 from planner.common.schema import StrictModel, read_toml, validate
-from planner.common.units import DEG, MM, UM, Array, read_only, si_unit
+from planner.common.units import MM, UM, Array, read_only, si_unit
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
-from planner.effects.effect import Effect, Parameter
+from planner.effects.effect import Effect, Parameter, parameter_keys, unit_spellings
 from planner.instruments.set_up import place_fixtures_by_robot, set_up_sizes
 from planner.instruments.uncalibrated import UncalibratedBound, bound_uncalibrated_errors
 from planner.model.model import Model
@@ -48,7 +49,7 @@ class TrueEffect:
 
 
 def effects_from_file(
-    path: Path, files: tuple[TruthEffectFile, ...], setup: MeasurementSetup, samples: Samples
+    path: Path | str, files: tuple[TruthEffectFile, ...], setup: MeasurementSetup, samples: Samples
 ) -> tuple[TrueEffect, ...]:
     """Return the effects that the file asks for.
 
@@ -162,11 +163,12 @@ class Truth:
         )
 
 
-def read_truth(path: Path, cell: Cell, samples: Samples, change: str = "") -> Truth:
+def read_truth(path: Path | Mapping[str, Any], cell: Cell, samples: Samples, change: str = "") -> Truth:
     """Read the errors of the robot in ``cell``; those not named are zero. Effects are those ``samples`` can show.
 
     Args:
-        path: a ``TRUTH.toml``, or a simulated run as CSV, which says what is true of its robot.
+        path: a ``TRUTH.toml``, or a simulated run as CSV, which says what is true of its robot; or the content of a
+            truth, or of its errors alone, as a mapping: ``{"theta2_deg": 0.1, "a3_mm": -0.4}``.
         cell: of the robot.
         samples: to be measured.
         change: ``KEY=VALUE``, added to the error of this key.
@@ -175,20 +177,26 @@ def read_truth(path: Path, cell: Cell, samples: Samples, change: str = "") -> Tr
         InputError: a key that names no error of this cell, or has no unit, or a value that is no number; a run that
             was not simulated.
     """
-    file = _truth_of_run(path) if path.suffix.lower() == ".csv" else read_toml(path, TruthFile)
+    where = "truth" if isinstance(path, Mapping) else str(path)
+    if isinstance(path, Mapping):
+        whole = path.keys() & {"errors", "effects", "noise", "schema"}
+        content = dict(path) if whole else {"errors": dict(path)}
+        file = validate({"schema": "edbb-truth/1", **content}, TruthFile, where)
+    else:
+        file = _truth_of_run(path) if path.suffix.lower() == ".csv" else read_toml(path, TruthFile)
     if change:
         file = _add_change(file, change)
     model = _truth_model(_with_noise(cell, file.noise))
-    keys = {key: (k, factor) for k, p in enumerate(model.parameters) for key, factor in _error_keys(p)}
+    keys = {key: (k, factor) for k, p in enumerate(model.parameters) for key, factor in parameter_keys(p)}
     errors = np.zeros(len(model.parameters))
     for key, value in file.errors.items():
         if key not in keys:
-            raise InputError(f"{path}: 'errors.{key}' names no error{_key_hint(key, model, list(keys))}")
+            raise InputError(f"{where}: 'errors.{key}' names no error{_key_hint(key, model, list(keys))}")
         k, factor = keys[key]
         if errors[k]:
-            raise InputError(f"{path}: 'errors.{key}' gives {model.names[k]} a second time, in another unit")
+            raise InputError(f"{where}: 'errors.{key}' gives {model.names[k]} a second time, in another unit")
         errors[k] = value * factor
-    return Truth(model, read_only(errors), effects_from_file(path, file.effects, model.setup, samples))
+    return Truth(model, read_only(errors), effects_from_file(where, file.effects, model.setup, samples))
 
 
 def _truth_of_run(path: Path) -> TruthFile:
@@ -252,34 +260,20 @@ def _with_noise(cell: Cell, noise: NoiseFile) -> Cell:
     return replace(cell, gauge=gauge, robot=robot)
 
 
-def _error_keys(p: Parameter) -> list[tuple[str, float]]:
-    return [(f"{p.name}_{spelling}", factor) for spelling, factor in _spellings(p).items()]
-
-
-def _spellings(p: Parameter) -> dict[str, float]:
-    """Return how a parameter's unit may stand in a key, and its factor to SI; the first is how it is written."""
-    known = {
-        "m": {"mm": MM, "um": UM, "m": 1.0},
-        "rad": {"deg": DEG, "mrad": 1e-3, "urad": 1e-6, "rad": 1.0},
-        "rad/Nm": {"urad_Nm": 1e-6, "deg_Nm": DEG, "rad_Nm": 1.0},
-    }
-    return known.get(p.unit, {p.unit.replace("/", "_"): 1.0})
-
-
 def _key_hint(key: str, model: Model, known: list[str]) -> str:
     """Return how the error is written where only its unit is wrong, else the nearest key."""
     for p in model.parameters:
         if key == p.name or key.startswith(f"{p.name}_"):
-            return f" with its unit; the {p.what} is written {' or '.join(k for k, _ in _error_keys(p))}"
+            return f" with its unit; the {p.what} is written {' or '.join(k for k, _ in parameter_keys(p))}"
     return did_you_mean(key, known) or f" (there are {', '.join(model.names)}, each with its unit: a2_mm, theta3_deg)"
 
 
 def _round_value(p: Parameter, value: float) -> float:
     """Return the value as its line says it."""
-    factor = next(iter(_spellings(p).values()))
+    factor = next(iter(unit_spellings(p).values()))
     return round(value / factor, WRITTEN_DECIMALS) * factor
 
 
 def _format_error(p: Parameter, value: float) -> str:
-    spelling, factor = next(iter(_spellings(p).items()))
+    spelling, factor = next(iter(unit_spellings(p).items()))
     return f"{p.name}_{spelling} = {round(value / factor, WRITTEN_DECIMALS)!r}"

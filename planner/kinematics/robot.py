@@ -124,6 +124,12 @@ class Priors:
     compliance: float = 2e-6
     factors: tuple[tuple[str, float], ...] = ()
     """How much larger than usual errors of a group are, as a fleet has shown: ``lengths, joint 3``, a cause."""
+    sizes: tuple[tuple[str, float], ...] = ()
+    """Sizes of single errors by their names, in their units: what a person states comes before all else."""
+
+    def size(self, name: str, usual: float) -> float:
+        """Return the size of an error by its name: the one that was stated, else the usual one."""
+        return dict(self.sizes).get(name, usual)
 
     def factor(self, group: str) -> float:
         """Return how much larger than usual the errors of a group are; 1 where no fleet has shown it."""

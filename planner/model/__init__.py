@@ -9,6 +9,7 @@ __all__ = [
     "misfit_place",
     "model",
     "more_poses",
+    "own_priors",
     "tool_error",
     "use_statement",
     "use_text",

@@ -104,7 +104,9 @@ class Model:
 
         What places the gauge comes first: it is known worst.
         """
-        return cls(setup, (*unknowns_of(setup.gauge).parameters(setup, free), *robot_parameters(setup)))
+        parameters = (*unknowns_of(setup.gauge).parameters(setup, free), *robot_parameters(setup))
+        stated = setup.robot.priors
+        return cls(setup, tuple(p.with_prior(stated.size(p.name, p.prior)) for p in parameters))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 __all__ = [
     "column_map",
+    "frames",
     "image_table",
     "joint_motion",
     "loader",

@@ -45,11 +45,13 @@ from planner.kinematics.robot import Robot
 from planner.model.finding import Finding
 from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Stage
+from planner.model.own_priors import with_priors
 from planner.runs.loader import load_runs
 from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
 from planner.session.document import PlanDocument, read_plan
 from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
+from planner.workflow.fit_access import FitAccess
 from planner.workflow.fit_overview import fit_overview, is_hardly_better
 from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.joint_runs import RunSource, are_sessions, load_planned_sessions, run_sources, single_value
@@ -68,7 +70,7 @@ Runs = Run | Path | str | Sequence[Path | str]
 
 
 @dataclass(frozen=True)
-class CalibrationResult(FolderResult):
+class CalibrationResult(FitAccess, FolderResult):
     """An identified robot.
 
     Attributes:
@@ -245,14 +247,14 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
         NoSolutionError: the fit does not come to rest.
     """
     stages = Stages(asked.progress)
-    settings = FitSettings(asked.hold_out, asked.seed, asked.geometry)
+    settings = FitSettings(asked.hold_out, asked.seed, asked.geometry, asked.release)
     measured = asked.runs.run if isinstance(asked.runs, Result) else asked.runs
     if not isinstance(measured, Run | Path | str):
         sources = run_sources(measured, asked.cell, asked.plan)
         if are_sessions(sources, asked.cell, asked.plan):
             return _identify_sessions(sources, stages, asked, settings)
     cell, plan = single_value(asked.cell, "--cell"), single_value(asked.plan, "--plan")
-    where = with_fleet(_cell_of(cell, plan), asked.fleet)
+    where = with_priors(with_fleet(_cell_of(cell, plan), asked.fleet), asked.priors)
     found = identify_runs(measured, where, stages, plan, asked.validate, settings, tracing=not asked.no_trace)
     return _result(found, where, asked, stages)
 
@@ -263,7 +265,7 @@ def _identify_sessions(
     """Identify the robot of several sessions, each with its own fixtures and gauge."""
     with stages.stage("reading"):
         run, cell, kept_out, plans = load_planned_sessions(sources)
-        cell = with_fleet(cell, asked.fleet)
+        cell = with_priors(with_fleet(cell, asked.fleet), asked.priors)
         judge = asked.validate
         other = kept_out if judge is None else drop_unreadable(cell, load_any(judge, cell.robot))
     with stages.stage("identification"):

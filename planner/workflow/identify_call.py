@@ -10,7 +10,7 @@ from planner.common.progress import no_progress
 from planner.workflow.declared import RUNS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from planner.cell.cell import Cell
     from planner.runs.run import Run
@@ -70,5 +70,12 @@ class IdentifyCall(Call):
             max=1000.0,
         ),
     ] = None
+    priors: Annotated[
+        "Mapping[str, float] | None",
+        Option('one-sigma sizes of errors, {"theta2_deg": 0.05}, in place of those of the files', python_only=True),
+    ] = None
+    release: Annotated[
+        bool, Option("whether a robot is released by the posterior; without, a trial takes a tenth", python_only=True)
+    ] = True
     seed: Seed = 0
     progress: ProgressKeyword = no_progress

@@ -1,7 +1,7 @@
 """What is made later of ``plan.json`` and the cell beside it: programs, simulated runs, runs of a controller's log."""
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -79,7 +79,11 @@ def simulate(asked: SimulateCall) -> SimulationResult:
     cell, samples = driven.cell, driven.samples
     if change and drawn:
         raise InputError("a change is of a known robot: give its truth too (--truth), a file or its simulated run")
-    known = draw_truth(cell, seed) if truth is None else read_truth(Path(truth), cell, samples, change)
+    known = (
+        draw_truth(cell, seed)
+        if truth is None
+        else read_truth(truth if isinstance(truth, Mapping) else Path(truth), cell, samples, change)
+    )
     run = simulate_run(cell, driven.plan_id, samples, known, seed)
     warnings = (*run.warnings, *driven.notes, *cell.gauge.centring_warnings(cell, samples, run))
     return SimulationResult(replace(run, warnings=warnings))

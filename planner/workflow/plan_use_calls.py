@@ -1,9 +1,9 @@
 """The verbs ``export``, ``simulate`` and ``import``, declared."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from planner.common.calls import LANGUAGE, Call, Option, Seed
 from planner.workflow.declared import PLAN_FILE, MeasuredPlan
@@ -41,7 +41,7 @@ class SimulateCall(Call):
     plan: Annotated["SessionResult | Path | str", PLAN_FILE]
     _: KW_ONLY
     truth: Annotated[
-        Path | str | None,
+        "Path | str | Mapping[str, Any] | None",
         Option(
             "errors of the simulated robot: a TOML file, or its run as CSV",
             metavar="TRUTH",

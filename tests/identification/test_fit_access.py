@@ -1,0 +1,162 @@
+"""Numbers of a fit in the hand: influence against statsmodels and against fits without a sample; draws; many runs."""
+
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import polars as pl
+import pytest
+
+from planner import frame_of_run, identify_many, run_of_frame, simulate, simulate_many
+from planner.common.errors import InputError, MissingProgramError
+from planner.identification.influence import Influence
+from planner.identification.least_squares import solve
+from tests.simulation.made import cell_in, wide_plan
+
+ROBOT = "kuka-kr6-r700"
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    return wide_plan(tmp_path_factory.mktemp("plan"), calibrate=60)
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    return cell_in(tmp_path_factory.mktemp("cell"), ROBOT, 1, ())
+
+
+@pytest.fixture(scope="module")
+def fits(plan, cell):
+    return identify_many([made.run for made in simulate_many(plan, range(3))], cell=cell, processes=1)
+
+
+def linear(fit):
+    """Columns and residual in standard deviations, weighed, prior readings below: an ordinary regression."""
+    problem = fit.problem
+    piece = problem.piece(slice(0, len(problem)), fit.errors)
+    rows, white = piece.rows[:, 0], piece.residual[:, 0]
+    z = fit.errors / problem.prior
+    return np.vstack([rows, np.eye(len(z))]), np.concatenate([white + rows @ z, 0 * z])
+
+
+def test_influence_is_that_of_the_regression_with_the_priors_as_readings(fits):
+    """Against normal equations of the stacked rows, each sample left out in turn."""
+    fit = fits[0].calibration.fit
+    X, y = linear(fit)
+    known, n = fits[0].influence, len(fit.problem)
+    hat = np.diag(X @ np.linalg.pinv(X))
+    np.testing.assert_allclose(known.leverage, hat[:n], atol=1e-8)
+    assert known.leverage.sum() + hat[n:].sum() == pytest.approx(X.shape[1])
+    prior, full = fit.problem.prior, np.linalg.lstsq(X, y, rcond=None)[0]
+    for k in (0, 7, n - 1):
+        rest = np.arange(len(X)) != k
+        without = np.linalg.lstsq(X[rest], y[rest], rcond=None)[0]
+        np.testing.assert_allclose(known.change[k], (without - full) * prior, atol=1e-7 * prior.max())
+        ratio = known.left_out_residual[k, 0] / known.residual[k, 0]
+        assert ratio == pytest.approx((y[k] - X[k] @ without) / (y[k] - X[k] @ full), rel=1e-5)
+    np.testing.assert_allclose(known.covariance, np.linalg.inv(X.T @ X) * np.outer(prior, prior), rtol=1e-5, atol=1e-16)
+
+
+def test_influence_is_that_of_statsmodels(fits):
+    pytest.importorskip("statsmodels")
+    from statsmodels.regression.linear_model import OLS
+    from statsmodels.stats.outliers_influence import OLSInfluence
+
+    X, y = linear(fits[0].calibration.fit)
+    known = fits[0].influence
+    n, other = len(known.leverage), OLSInfluence(OLS(y, X).fit())
+    np.testing.assert_allclose(known.leverage, other.hat_matrix_diag[:n], atol=1e-8)
+    np.testing.assert_allclose(
+        known.left_out_residual[:, 0] / known.residual[:, 0], (other.resid_press / other.resid)[:n], rtol=1e-5
+    )
+    scale = other.results.mse_resid  # statsmodels estimates the size of the noise; here it is known
+    np.testing.assert_allclose(known.distance, other.cooks_distance[0][:n] * scale, rtol=1e-5, atol=1e-12)
+
+
+def test_a_fit_without_a_sample_is_the_left_out_one(fits):
+    """The whole fit anew without one sample, noise and sizes held: what the linear diagnostics say it would be."""
+    fit = fits[0].calibration.fit
+    k = int(np.argmax(fits[0].influence.leverage))
+    rest = fit.problem.take(np.arange(len(fit.problem)) != k)
+    anew = solve(rest, fit.errors, converged=1e-6).errors
+    expected = fit.errors + fits[0].influence.change[k]
+    sigma = np.sqrt(np.diag(fits[0].covariance))
+    assert np.abs((anew - expected) / sigma).max() < 0.05
+
+
+def test_likelihood_is_that_of_scipy_and_left_out_densities_sum_below_it(fits):
+    from scipy.stats import norm
+
+    known, problem = fits[0].influence, fits[0].calibration.fit.problem
+    sigma = (1 / np.abs(problem.whitener.root[:, 0, 0])) / np.sqrt(problem.weight)
+    assert fits[0].log_likelihood == pytest.approx(norm.logpdf(known.residual[:, 0], 0.0, sigma).sum())
+    assert known.log_density.sum() < fits[0].log_likelihood
+    one = norm.logpdf(known.left_out_residual[3, 0], 0.0, known.left_out_std[3, 0])
+    assert known.log_density[3] == pytest.approx(one)
+    table = fits[0].leave_one_out()
+    assert table.height == len(known.leverage)
+    np.testing.assert_allclose(table["left_out_mm"], 1e3 * known.left_out_residual[:, 0])
+
+
+def test_a_tracker_leaves_out_three_numbers_at_a_time(fits):
+    """Blocks: a fit of a gauge with several numbers a sample is left out sample by sample."""
+    fit = fits[0].calibration.fit
+    assert Influence.of(fit).left_out_residual.shape == (len(fit.problem), fit.model.width)
+
+
+def test_draws_scatter_as_the_covariance_says_and_go_to_arviz(fits, monkeypatch):
+    found = fits[0]
+    assert tuple(found.draws) == found.names
+    drawn = np.stack([found.draws[name] for name in found.names])
+    np.testing.assert_allclose(drawn.std(axis=1), np.sqrt(np.diag(found.covariance)), rtol=0.15)
+    asked = {}
+    for version, call in (("0.21.0", lambda **k: asked.update(k)), ("1.0.0", lambda groups: asked.update(groups))):
+        asked.clear()
+        monkeypatch.setitem(sys.modules, "arviz", SimpleNamespace(__version__=version, from_dict=call))
+        found.to_arviz()
+        assert asked["posterior"][found.names[0]].shape == (1, 1000)
+        assert asked["observed_data"]["residual"].shape == found.influence.residual.shape
+    monkeypatch.setitem(sys.modules, "arviz", None)
+    with pytest.raises(MissingProgramError, match="pip install arviz"):
+        found.to_arviz()
+
+
+def test_many_runs_are_those_of_one_by_one_with_progress(plan, cell):
+    said = []
+    runs = simulate_many(plan, [4, 5], processes=2, progress=lambda *step: said.append(step))
+    assert said == [("simulated runs", k, 2) for k in range(3)]
+    np.testing.assert_array_equal(runs[1].run.readings.length, simulate(plan, seed=5).run.readings.length)
+    many = identify_many([r.run for r in runs], cell=cell)
+    assert [f.calibration.released for f in many] == [None, None]
+    assert not np.array_equal(many[0].values, many[1].values)
+
+
+def test_a_truth_may_be_a_mapping_and_priors_too(plan, cell):
+    run = simulate(plan, truth={"theta2_deg": 0.1, "a3_mm": -0.4}, seed=2).run
+    assert {"theta2_deg = 0.1", "a3_mm = -0.4"} <= set(run.truth)
+    whole = simulate(plan, truth={"errors": {"theta2_mrad": 1.0}, "noise": {"gauge_um": 1.0}}).run
+    assert "gauge_um = 1" in whole.truth
+    with pytest.raises(InputError, match=r"truth: 'errors\.theta2' names no error with its unit"):
+        simulate(plan, truth={"theta2": 0.1})
+    free, tight = (
+        identify_many([run], cell=cell, priors=p, processes=1)[0] for p in (None, {"theta2_deg": 1e-5})
+    )  # fmt: skip
+    at = free.names.index("theta2")
+    assert abs(tight.values[at]) < 0.1 * abs(free.values[at])
+    with pytest.raises(InputError, match="priors: 'theta9_deg'"):
+        identify_many([run], cell=cell, priors={"theta9_deg": 0.1}, processes=1)
+
+
+def test_a_run_goes_out_as_a_frame_and_comes_back(plan, cell):
+    run = simulate(plan, seed=1).run
+    frame = frame_of_run(run)
+    assert isinstance(frame, pl.DataFrame)
+    back = run_of_frame(frame)
+    np.testing.assert_allclose(back.samples.q, run.samples.q, atol=1e-9)
+    again = replace(back, plan_id=run.plan_id)
+    found = identify_many([again], cell=cell, processes=1)[0]
+    assert found.values == pytest.approx(identify_many([run], cell=cell, processes=1)[0].values, abs=1e-6)
+    with pytest.raises(InputError, match="a data frame is needed"):
+        run_of_frame(3)
