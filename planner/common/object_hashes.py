@@ -15,7 +15,6 @@ from pydantic import BaseModel
 
 from planner.common.determinism import round_significant
 
-DIGITS = 11  # of a number that count, as in round_significant: processors differ in the last bits of a sine
 LABELS = frozenset({"path"})  # fields that name where an object was read from
 
 
@@ -58,7 +57,8 @@ def _parts(value: object) -> Iterator[bytes]:
         case Mapping() | Set() | list() | tuple():
             yield from _parts_of_many(value)
         case float():
-            yield f"float {value + 0.0:.{DIGITS}g}".encode()  # -0.0 becomes 0.0
+            # 11 digits, as in round_significant: processors differ in the last bits of a sine; -0.0 becomes 0.0
+            yield f"float {value + 0.0:.11g}".encode()
         case None | bool() | int() | str() | bytes():
             yield f"{type(value).__name__} {value!r}".encode()
         case _:

@@ -32,7 +32,6 @@ PLOT_FORMATS: dict[str, dict[str, None]] = {
     ".svg": {"Date": None, "Creator": None},
 }
 """Suffixes of pictures, and what is left out of each: the same plot gives the same bytes."""
-SAVED_STYLE = {"svg.hashsalt": "edbb", "pdf.fonttype": 42}  # 42: letters as letters, which publishers ask for
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ class Plot:
     draw: "Callable[[], Figure]" = field(repr=False, compare=False)
 
     def _repr_png_(self) -> bytes:
-        return self._saved(".png")
+        return self._picture(".png")
 
     @cached_property
     def figure(self) -> "Figure":
@@ -76,16 +75,16 @@ class Plot:
         path = Path(path)
         if path.suffix.lower() not in PLOT_FORMATS:
             raise InputError(f"{path}: a picture is written as {', '.join(PLOT_FORMATS)}: give one of these suffixes")
-        write_bytes(path, self._saved(path.suffix.lower()))
+        write_bytes(path, self._picture(path.suffix.lower()))
         return path
 
-    def _saved(self, suffix: str) -> bytes:
+    def _picture(self, suffix: str) -> bytes:
         if suffix == ".png" and "figure" not in self.__dict__:
             return self.png
         import matplotlib  # a command that draws nothing starts quicker without
 
         out = BytesIO()
-        with matplotlib.rc_context(SAVED_STYLE):
+        with matplotlib.rc_context({"svg.hashsalt": "edbb", "pdf.fonttype": 42}):  # 42: letters stay letters
             self.figure.savefig(out, format=suffix.removeprefix("."), metadata=PLOT_FORMATS[suffix])
         return out.getvalue()
 

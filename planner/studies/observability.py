@@ -140,7 +140,7 @@ class Observability:
         return np.asarray(rows.reshape(-1, rows.shape[2]))
 
     @property
-    def kept(self) -> tuple[Parameter, ...]:
+    def seen_parameters(self) -> tuple[Parameter, ...]:
         """The parameters that are told apart, (p,): those of :attr:`covariance`."""
         return tuple(self.model.parameters[k] for k in self.seen.kept)
 
@@ -153,12 +153,12 @@ class Observability:
         Raises:
             InputError: without priors the poses leave a direction unseen.
         """
-        prior = np.array([p.prior for p in self.kept]) if with_priors else None
+        prior = np.array([p.prior for p in self.seen_parameters]) if with_priors else None
         return predict_covariance(self.white_rows[:, None, :], 1.0, prior)
 
     def to_frame(self) -> "polars.DataFrame":
         """Return one row a parameter: unit, prior, whether it is seen and why not, predicted sigma (with priors)."""
-        std = dict(zip((p.name for p in self.kept), self.covariance(with_priors=True).std, strict=True))
+        std = dict(zip((p.name for p in self.seen_parameters), self.covariance(with_priors=True).std, strict=True))
         why = {d.name: d.because for d in self.seen.dropped}
         rows = [
             {"parameter": p.name, "unit": p.unit, "prior": p.prior, "seen": p.name in std}
@@ -218,7 +218,7 @@ def observability(
     """
     site = with_priors(cell if isinstance(cell, Cell) else load_cell(cell), priors)
     samples = pose_samples(site, poses, fixture)
-    model = _freed(site, samples, free)
+    model = _free_model(site, samples, free)
     rows, noise = model.rows(samples), model.noise(samples)
     seen = find_identifiable(
         rows, model.names, model.prior, preference_order(model), float(np.median(noise)), rows[..., 0].size
@@ -226,7 +226,7 @@ def observability(
     return Observability(site, samples, model, read_only(rows), read_only(noise), seen)
 
 
-def _freed(cell: Cell, samples: Samples, free: Sequence[str] | None) -> Model:
+def _free_model(cell: Cell, samples: Samples, free: Sequence[str] | None) -> Model:
     """Return the model of the parameters, groups and effects that are named; of the cell's own by default."""
     if free is None:
         return planned_model(cell, samples)

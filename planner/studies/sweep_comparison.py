@@ -10,9 +10,6 @@ import polars as pl
 
 from planner.common.units import Array
 
-RESAMPLES = 400  # of the arms: the standard error of a median is then known to 4 %
-LEVEL = 0.05  # [1] probability that any pair without a difference is called one
-FEWEST_ARMS = 10  # below, a standard error of a median means nothing
 RANK = "rank"
 
 
@@ -44,7 +41,7 @@ def compare_neighbours(table: pl.DataFrame, axes: tuple[str, ...]) -> SweepCompa
     for row, differs in zip(rows, _find_differences([r["p"] for r in rows]), strict=True):
         row["differs"] = differs
     told = {str(k): v for k, v in zip(points["point"], points.select(axes).iter_rows(named=True), strict=True)}
-    pairs = pl.DataFrame([_named(row, told) for row in rows], schema=PAIR_COLUMNS, orient="row")
+    pairs = pl.DataFrame([_with_names(row, told) for row in rows], schema=PAIR_COLUMNS, orient="row")
     following = {r["point"]: r for r in rows if r["along"] == RANK}
     se = [medians.standard_error(k) for k in points["point"]]
     beside = [following.get(k, {}) for k in points["point"]]
@@ -91,19 +88,20 @@ class _Medians:
     def __init__(self, arms: dict[int, Array]) -> None:
         self.arms = arms
         fewest = min((len(e) for e in arms.values()), default=0)
-        self._drawn = np.random.default_rng(0).integers(0, max(fewest, 1), (RESAMPLES, fewest))
+        # 400: resamples: the standard error of a median is then known to 4 %
+        self._drawn = np.random.default_rng(0).integers(0, max(fewest, 1), (400, fewest))
         self._resampled: dict[int, Array] = {}
-        self.known = fewest >= FEWEST_ARMS
+        self.known = fewest >= 10  # arms: of fewer a standard error of a median means nothing
 
-    def resampled(self, point: int) -> Array:
-        """Return the median of each resample of a point's arms, (RESAMPLES,) [mm]."""
+    def resample(self, point: int) -> Array:
+        """Return the median of each resample of a point's arms, (k,) [mm]."""
         if point not in self._resampled:
             self._resampled[point] = np.median(self.arms[point][self._drawn], axis=1)
         return self._resampled[point]
 
     def standard_error(self, point: int) -> float | None:
         """Return the standard error of a point's median [mm]; ``None`` where it is not known."""
-        return float(self.resampled(point).std(ddof=1)) if self.known and point in self.arms else None
+        return float(self.resample(point).std(ddof=1)) if self.known and point in self.arms else None
 
 
 def _compare(medians: _Medians, along: str, a: int, b: int) -> dict[str, Any]:
@@ -112,23 +110,24 @@ def _compare(medians: _Medians, along: str, a: int, b: int) -> dict[str, Any]:
     row: dict[str, Any] = {"along": along, "point": a, "neighbour": b, "difference_mm": difference}
     if not medians.known:
         return row | {"se_mm": None, "p": None}
-    se = float((medians.resampled(b) - medians.resampled(a)).std(ddof=1))
+    se = float((medians.resample(b) - medians.resample(a)).std(ddof=1))
     p = 1.0 if difference == 0.0 else erfc(abs(difference) / (np.sqrt(2) * se)) if se > 0 else 0.0
     return row | {"se_mm": se, "p": float(p)}
 
 
 def _find_differences(p: list[float | None]) -> list[bool | None]:
     """Tell which differences are not chance, by the method of Holm (1979) over all pairs with a probability."""
+    level = 0.05  # [1] probability that any pair without a difference is called one
     known = [k for k, v in enumerate(p) if v is not None]
     out: list[bool | None] = [None] * len(p)
     rejected = True
     for rank, k in enumerate(sorted(known, key=lambda k: p[k] or 0.0)):
-        rejected = rejected and (p[k] or 0.0) <= LEVEL / (len(known) - rank)
+        rejected = rejected and (p[k] or 0.0) <= level / (len(known) - rank)
         out[k] = rejected
     return out
 
 
-def _named(row: dict[str, Any], told: dict[str, dict[str, Any]]) -> dict[str, Any]:
+def _with_names(row: dict[str, Any], told: dict[str, dict[str, Any]]) -> dict[str, Any]:
     a, b = told[str(row["point"])], told[str(row["neighbour"])]
     apart = [k for k in a if a[k] != b[k]]
     texts = (", ".join(f"{k} {values[k]}" for k in apart) for values in (a, b))

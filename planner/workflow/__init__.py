@@ -12,6 +12,7 @@ __all__ = [
     "fleet",
     "identification",
     "identify_call",
+    "many",
     "plan_call",
     "plan_kinds",
     "plan_results",

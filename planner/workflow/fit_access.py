@@ -16,8 +16,6 @@ from planner.identification.influence import Influence
 if TYPE_CHECKING:
     import polars
 
-DRAWS = 1000  # of the Gaussian of a fit whose robot was not released by the posterior
-
 
 class FitAccess:
     """Numbers of a fit, in SI units, in the order of :attr:`names`; the base of the result of ``identify``."""
@@ -78,7 +76,8 @@ class FitAccess:
     @on_one_thread
     def _gaussian_draws(self) -> Array:
         fit = self.calibration.fit
-        z = np.random.default_rng(0).standard_normal((len(fit.errors), DRAWS))
+        # 1000: draws of a fit whose robot was not released by the posterior
+        z = np.random.default_rng(0).standard_normal((len(fit.errors), 1000))
         return np.asarray(fit.errors[:, None] + fit.solution.root(fit.problem.prior) @ z)
 
     def leave_one_out(self) -> "polars.DataFrame":

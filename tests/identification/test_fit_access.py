@@ -143,8 +143,9 @@ def test_a_truth_may_be_a_mapping_and_priors_too(plan, cell):
     free, tight = (
         identify_many([run], cell=cell, priors=p, processes=1)[0] for p in (None, {"theta2_deg": 1e-5})
     )  # fmt: skip
-    at = free.names.index("theta2")
-    assert abs(tight.values[at]) < 0.1 * abs(free.values[at])
+    assert abs(free.values[free.names.index("theta2")]) > 1e-3
+    if "theta2" in tight.names:
+        assert abs(tight.values[tight.names.index("theta2")]) < 1e-5
     with pytest.raises(InputError, match="priors: 'theta9_deg'"):
         identify_many([run], cell=cell, priors={"theta9_deg": 0.1}, processes=1)
 
