@@ -9,20 +9,12 @@ ROW = re.compile(r'^\| <a id="([^"]+)"></a>([^|]+?) \|', re.MULTILINE)
 KEPT = re.compile(  # left as it is: fences, headings, rows of tables, HTML, inline code, links
     r"^```.*?^```|^#.*?$|^\|.*?$|^:::.*?$|<[^>]*>|`[^`]*`|!?\[[^\]]*\]\([^)]*\)", re.MULTILINE | re.DOTALL
 )
-# words too plain to be linked
 NOT_LINKED = (
-    "cell",
-    "frame",
-    "model",
-    "place",
-    "plan",
-    "gauge",
-    "run",
-    "pose",
-    "sample",
-    "session",
-    "check",
-)  # too plain
+    "aim", "approach", "direction of", "candidate", "cause", "cell", "check", "effect", "frame", "gap", "gauge",
+    "index", "model", "parameter", "place", "plan", "pose", "prior", "record", "role", "run", "sample", "screw",
+    "segment", "session", "shell", "stage", "station", "tour", "visit", "zero",
+)  # fmt: skip
+"""Words of every day: on most pages they mean what everybody means, not what the glossary says."""
 
 
 def terms() -> dict[str, str]:

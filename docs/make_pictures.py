@@ -51,6 +51,8 @@ def pictures() -> Iterator[Picture]:
         files = sorted(f for f in robot.iterdir() if f.suffix in (".toml", ".urdf"))
         shows = tuple(f.relative_to(ROOT).as_posix() for f in (cell, *files))
         yield Picture(f"cell_{robot.name}_{cell.stem}.png", partial(_cell, cell), (*shows, f"{DRAWING}/cells.py"))
+    arm = "robots/kuka-kr6-r700/robot.toml"
+    yield Picture("kuka-kr6-r700.svg", partial(_arm, arm), (arm, "planner/report/robot_drawing.py"))
     plans = {
         "kuka-bar": ("tests/data/kr6-plan/plan.json", "tests/data/kr6-plan/cell.toml"),
         "panda-tracker": ("docs/pictures/plans/panda-tracker.json", "docs/pictures/plans/panda-tracker.toml"),
@@ -88,6 +90,13 @@ def _of_charts(*files: str) -> tuple[str, ...]:
 
 def _of_run(run: str) -> tuple[str, ...]:
     return _of_charts(*RUNS[run], f"docs/pictures/shown/{run}.json")
+
+
+def _arm(robot: str) -> bytes:
+    from planner.kinematics.robot_reader import load_robot
+    from planner.report.robot_drawing import draw_robot
+
+    return draw_robot(load_robot(ROOT / robot)).encode()
 
 
 def _cell(path: Path) -> bytes:

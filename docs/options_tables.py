@@ -69,17 +69,16 @@ def effects_table() -> str:
 
 
 def gallery(attributes: str = "") -> str:
-    """Return picture, with attributes that only the site knows, title and command of every cell that comes along."""
+    """Return picture, robot and gauge of every shipped cell; ``attributes``: of pictures, for the site."""
     return "\n\n".join(_shown_cell(name, attributes) for name in shipped_cells())
 
 
 def _shown_cell(name: str, attributes: str) -> str:
-    about = load_cell(name, planning=False).path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+    cell = load_cell(name, planning=False)
     picture = f"pictures/cell_{name.replace('/', '_')}.png"
-    command = f"```console\n$ edbb plan {name} -o out\n```"
     image = f"![{name}]({picture})" + (f"{{{attributes}}}" if attributes else "")
     shown = f"{image}\n\n" if (Path(__file__).parent / picture).is_file() else ""
-    return f"## {name}\n\n{shown}{about}\n\n{command}"
+    return f"## {name}\n\n{shown}{cell.robot.title}, gauge `{cell.gauge.kind}`."
 
 
 if __name__ == "__main__":

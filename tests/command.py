@@ -12,6 +12,14 @@ from planner.common.extensions import shipped_extensions
 from tests.processors import with_threads
 
 
+class Done(subprocess.CompletedProcess):
+    """A command that has ended; ``screen``: all that a person sees, both streams."""
+
+    @property
+    def screen(self):
+        return self.stdout + self.stderr
+
+
 def commands_that_run():
     """The names of all commands but those that need an extension which is not installed here."""
     brought, there = extension_commands(), {module.rpartition(".")[2] for module in shipped_extensions()}
@@ -26,7 +34,7 @@ def edbb(*words, threads=None, cwd=None, **env):
     arguments = [str(w) for w in words]
     if threads is None and cwd is None and not env:
         return _here(arguments)
-    return subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-m", "planner.cli", *arguments],
         capture_output=True,
         text=True,
@@ -34,6 +42,7 @@ def edbb(*words, threads=None, cwd=None, **env):
         check=False,
         **(with_threads(threads) if threads else {"env": {**os.environ, "OMP_NUM_THREADS": "1", **env}}),
     )
+    return Done(done.args, done.returncode, done.stdout, done.stderr)
 
 
 def _here(arguments):
@@ -46,4 +55,4 @@ def _here(arguments):
         code = done.code or 0
     finally:
         sys.argv = before
-    return subprocess.CompletedProcess(arguments, code, out.getvalue(), told.getvalue())
+    return Done(arguments, code, out.getvalue(), told.getvalue())

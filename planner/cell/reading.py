@@ -135,7 +135,7 @@ def load_cell(reference: str | Path, planning: bool = True) -> Cell:
         known = list(shipped_cells())
         raise InputError(
             f"cell '{reference}': neither a file nor a shipped cell{did_you_mean(reference, known)} "
-            f"(shipped: {', '.join(known)})"
+            "(edbb robots lists the shipped ones)"
         )
     return read_cell(shipped, reference, planning)
 

@@ -16,7 +16,6 @@ from typer.core import TyperCommand, TyperGroup
 
 from planner import __version__
 from planner.cli.declared import folder_command
-from planner.cli.former_names import take_former_options
 from planner.cli.terminal import Manner, errors
 from planner.common.calls import GROUPS, MORE
 from planner.common.commands import extension_commands, remote_function
@@ -29,6 +28,7 @@ from planner.common.quiet import results_alone
 from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.workflow.verbs import CORE, declared_calls
 
+HELP = {"help_option_names": ["-h", "--help"]}
 LISTS = "planner.cli.list_commands"
 WRITTEN = {  # of the core, not declared: the function of the command line, and the line in the list of commands
     "robots": (f"{LISTS}:robots_command", "List the robots and cells that come with the planner."),
@@ -93,11 +93,6 @@ class PlainSwitches:
 
 class Verb(PlainSwitches, TyperCommand):
     """A command of ``edbb``."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read what was typed; options by their former names as well."""
-        rest: list[str] = super().parse_args(ctx, take_former_options(str(ctx.info_name), args))
-        return rest
 
 
 Force = Annotated[bool, typer.Option("--force", help="write over files that somebody else has written")]
@@ -167,7 +162,7 @@ def command_function(name: str) -> Callable[..., None]:
 def load_command(name: str) -> Any:
     """Return the command ``name``, with the libraries that it needs."""
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    alone.command(name, cls=Verb)(with_shared_options(command_function(name)))
+    alone.command(name, cls=Verb, context_settings=HELP)(with_shared_options(command_function(name)))
     return typer.main.get_command(alone)
 
 
@@ -175,14 +170,20 @@ app = typer.Typer(
     name="edbb",
     cls=Verbs,
     help="Plans measurements that calibrate industrial robots with simple gauges, and identifies the robot.",
-    no_args_is_help=True,
-    add_completion=False,
+    context_settings=HELP,
     pretty_exceptions_enable=False,
 )
 
 
+GREETING = """\
+edbb plans a measurement that calibrates your robot. It finds how far the robot is off, and why, and corrects programs.
+Try the whole chain without a robot:  edbb demo
+See all commands:                     edbb -h"""
+
+
 @app.callback(invoke_without_command=True)
 def root(
+    ctx: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="print the version")] = False,
     server: Annotated[
         str | None,
@@ -193,10 +194,12 @@ def root(
     if version:
         typer.echo(f"edbb {__version__}")
         raise typer.Exit
+    if ctx.invoked_subcommand is None:
+        typer.echo(GREETING)
 
 
 OUTPUT_FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF, errno.EPIPE)
-ASKS = ("--help", "--version")
+ASKS = ("-h", "--help", "--version")
 
 
 def _run_on_server(url: str, words: list[str]) -> int:
@@ -207,21 +210,23 @@ def _run_on_server(url: str, words: list[str]) -> int:
         raise InputError(f"--server '{url}': an address such as http://127.0.0.1:8017 is needed")
     if not remote_function():
         raise MissingProgramError("--server: no extension that is installed here runs commands on a server")
-    words = [words[0], *take_former_options(words[0], words[1:])]
     try:
-        load_command(words[0]).make_context(words[0], list(words[1:]))
+        typed = load_command(words[0]).make_context(words[0], list(words[1:])).params
     except Exception as err:  # of the library that reads the command line: it is vendored and has no public name
         if not hasattr(err, "show"):
             raise
         err.show()
         return int(getattr(err, "exit_code", 2))
+    find_output = getattr(command_function(words[0]), "find_output", None)
+    if find_output is not None and typed.get("output") is None:
+        words = [*words, "-o", str(find_output(typed))]
     module, name = remote_function().split(":")
     run: Callable[[str, list[str]], int] = getattr(import_module(module), name)
     return run(url, words)
 
 
 def main() -> None:
-    """Run the command line; the exit code is the error's own (0 done, 1 bug, 2 input, 3 no solution, 4 missing)."""
+    """Run the command line; the exit code is the error's own (docs/formats.md)."""
     spell_unencodable()
     ended = ""
     try:

@@ -1,20 +1,20 @@
 """The commands that write one file (simulate, import, compensate)."""
 
 import re
-from inspect import Parameter
 from pathlib import Path
 
 import typer
 
 from planner.cli.declared import Values, declare_command
+from planner.cli.default_output import new_file, new_folder_of_files
 from planner.cli.terminal import (
     Manner,
     OutputFile,
     Screen,
-    errors,
     evaluation_step,
     give_file,
     print_notes,
+    screen_of,
 )
 from planner.common.calls import find_function
 from planner.common.console import as_word
@@ -23,7 +23,7 @@ from planner.common.summary import SCREEN_LINES, fact_lines
 from planner.workflow.compensate_call import CompensateCall
 from planner.workflow.plan_use_calls import ImportCall, SimulateCall
 
-FILE = (OutputFile, Parameter.empty)
+FILE = (OutputFile, None)
 
 
 def _simulate(values: Values, output: str, manner: Manner) -> None:
@@ -39,7 +39,7 @@ def _import(values: Values, output: str, manner: Manner) -> None:
         run = find_function(ImportCall)(**values)
         from planner.runs.writer import run_text, save_run
     print_notes(run.warnings, manner.verbose)
-    errors.print("\n".join(fact_lines([("imported", run.counts_text)])))
+    screen_of(output).print("\n".join(fact_lines([("imported", run.counts_text)])))
     step = _evaluation_step(output, values.get("plan"))
     give_file(run_text(run), lambda path: save_run(run, path, manner.force), output, step)
 
@@ -61,7 +61,7 @@ def _compensate(values: Values, output: str, manner: Manner) -> None:
         raise InputError(f"-o -: {names} are written together; name a file or a folder")
     if output != "-":
         done.check(output, manner.force)
-    errors.print(done.full_summary(manner.verbose, SCREEN_LINES - 1))
+    screen_of(output).print(done.full_summary(manner.verbose, SCREEN_LINES - 1))
     step = "" if output == "-" else done.next_step(output)
     give_file(done.file.text, lambda _: done.write(output, manner.force), output, step)
     if done.partly:
@@ -75,6 +75,6 @@ def _axes(text: str) -> tuple[int, ...]:
     return tuple(sorted({int(word) for word in text.split(",") if text}))
 
 
-simulate_command = declare_command(SimulateCall, _simulate, output=FILE)
-import_command = declare_command(ImportCall, _import, output=FILE)
-compensate_command = declare_command(CompensateCall, _compensate, output=FILE)
+simulate_command = declare_command(SimulateCall, _simulate, new_file(".csv"), output=FILE)
+import_command = declare_command(ImportCall, _import, new_file(".csv"), output=FILE)
+compensate_command = declare_command(CompensateCall, _compensate, new_folder_of_files, output=FILE)

@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.terminal import PLAINLY, Json, Manner, errors, evaluation_step, print_json, print_next, print_notes
+from planner.cli.default_output import file_of
+from planner.cli.terminal import (
+    PLAINLY,
+    Json,
+    Manner,
+    errors,
+    evaluation_step,
+    print_json,
+    print_next,
+    print_notes,
+    results,
+)
 from planner.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,6 +43,15 @@ Until = Annotated[
         "below this",
     ),
 ]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="RUN.csv",
+        help="the run; a session begun there goes on (default: a file named after the plan)",
+    ),
+]
 After = Annotated[
     Path | None, typer.Option("--after", metavar="CALIBRATED", help="identification of the sessions before")
 ]
@@ -43,9 +63,7 @@ def centre_command(
     indicators: Annotated[
         str | None, typer.Option(metavar="PORT[,PORT,PORT]", help="serial ports of x, y, z; or of one multiplexer")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="RUN.csv", help="the run; a session begun there goes on")
-    ] = None,
+    output: Output = None,
     settings_file: Annotated[
         Path | None, typer.Option("--settings", metavar="CENTRING.toml", help="indicators, limits, speeds, time-outs")
     ] = None,
@@ -77,13 +95,14 @@ def centre_command(
     settings = read_settings(settings_file, plan_file.parent / "cell.toml")
     if program is not None:
         for path in write_centring_program(settings.robot, program, manner.force):
-            errors.print(f"written to {path}")
+            results.print(f"written to {path}")
         return
-    if output is None or (not simulate and (robot is None or indicators is None)):
+    if not simulate and (robot is None or indicators is None):
         raise InputError(
-            "edbb centre needs --robot, --indicators and -o (or --simulate and -o, to try it; or --program-to, to "
-            "write the robot's program)"
+            "edbb centre needs --robot and --indicators (or --simulate, to try it; or --program-to, to write the "
+            "robot's program)"
         )
+    output = output or Path(file_of(".csv")("centre", plan_file))
     if stop_file is not None and stop_file.exists():
         raise InputError(f"the stop file {stop_file} is there already; remove it to begin")
     cell = _read_cell(plan_file, simulate)
@@ -102,7 +121,7 @@ def _print_end(session: CentringSession, output: Path, plan_file: Path, as_json:
         print_json(_summary(session, output))
         return
     all_of = "all" if not session.pending_visits else f"{len(session.journal.rows)} of"
-    errors.print(f"{all_of} {len(session.way.visits)} poses are measured, written to {output}")
+    results.print(f"{all_of} {len(session.way.visits)} poses are measured, written to {output}")
     print_next(evaluation_step(output, plan_file))
 
 
@@ -204,12 +223,9 @@ def _summary(session: CentringSession, output: Path) -> dict[str, object]:
     }
 
 
-Output = Annotated[Path, typer.Option("-o", "--output", metavar="RUN.csv", help="the run; one begun there goes on")]
-
-
 def measure_command(
     plan_file: Annotated[Path, typer.Argument(metavar="PLAN.json", help="a static plan for a bar or wire")],
-    output: Output,
+    output: Output = None,
     gauge: Annotated[
         str | None, typer.Option("--serial-port", metavar="PORT", help="serial port: COM5; without, values are typed")
     ] = None,
@@ -231,6 +247,7 @@ def measure_command(
     from planner.instruments.live_session import Adviser, MeasuringSession, NoAdvice, program_remark
     from planner.session.planned_session import load_session
 
+    output = output or Path(file_of(".csv")("measure", plan_file))
     if protocol != STREAM:
         _ = find_protocol(protocol)
     session = load_session(plan_file, "measured")
@@ -258,7 +275,7 @@ def measure_command(
     finally:
         if live is not None:
             live.line.close()
-    errors.print(f"{len(log.rows)} of {len(log.poses)} poses are measured, written to {output}")
+    results.print(f"{len(log.rows)} of {len(log.poses)} poses are measured, written to {output}")
     print_next(evaluation_step(output, plan_file))
 
 

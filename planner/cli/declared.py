@@ -3,11 +3,13 @@
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from inspect import Parameter, Signature, getdoc
+from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import typer
 from typer.models import ArgumentInfo
 
+from planner.cli.default_output import new_folder
 from planner.cli.terminal import PLAINLY, Json, Manner, OptionalOutput, Output, give
 from planner.common.calls import Call, CallField, find_function, typed_fields
 from planner.common.errors import PARTLY_DONE
@@ -17,13 +19,19 @@ Values = Mapping[str, Any]
 """What was typed, by the names of the fields of a declaration."""
 
 
-def declare_command(call: type[Call], work: Callable[..., None], **own: tuple[Any, Any]) -> Callable[..., None]:
+def declare_command(
+    call: type[Call],
+    work: Callable[..., None],
+    name_output: Callable[[str, object], Any],
+    **own: tuple[Any, Any],
+) -> Callable[..., None]:
     """Return the function of a command, with the parameters that its declaration says and those that are its ``own``.
 
     Args:
         call: the declaration.
         work: what is done: it takes the values of the fields that were given, its own parameters by name, and the
             ``manner`` of the command.
+        name_output: names what is written, of the command and its subject, where nobody names it.
         own: the parameters that the command line alone has, such as ``output``: annotation and default.
     """
     known = [_parameter(f) for f in typed_fields(call)]
@@ -34,8 +42,16 @@ def declare_command(call: type[Call], work: Callable[..., None], **own: tuple[An
     def command(*, manner: Manner = PLAINLY, **values: Any) -> None:
         """Part what is declared from what the command line alone has, and do the work."""
         mine = {name: values.pop(name) for name in own} | {"manner": manner}
+        if mine["output"] is None and call.needs_output:
+            mine["output"] = find_output(values | mine)
         work({name: v for name, v in values.items() if v is not None and v != []}, **mine)
 
+    def find_output(values: Mapping[str, Any]) -> Any:
+        """Name what is written after the first word that was typed; of a study of no cell after its sweep."""
+        subjects = (values.get(name) for name in (*(p.name for p in words), *own))
+        return name_output(call.verb, next((s for s in subjects if isinstance(s, str | Path | list) and s), None))
+
+    command.find_output = find_output  # type: ignore[attr-defined]  # a server is told it too
     command.__doc__ = getdoc(call)
     told = Parameter("manner", Parameter.KEYWORD_ONLY, default=PLAINLY, annotation=Manner)
     command.__signature__ = Signature([*parameters, told])  # type: ignore[attr-defined]
@@ -69,5 +85,5 @@ def folder_command(call: type[Call]) -> Callable[..., None]:
         if result.cut_short:
             raise typer.Exit(PARTLY_DONE)
 
-    output = (Output, Parameter.empty) if call.needs_output else (OptionalOutput, None)
-    return declare_command(call, work, output=output, as_json=(Json, False))
+    output = (Output if call.needs_output else OptionalOutput, None)
+    return declare_command(call, work, new_folder, output=output, as_json=(Json, False))

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.terminal import PLAINLY, Json, Manner, OutputFile, Screen, errors, give_file, print_json
+from planner.cli.default_output import new_file
+from planner.cli.terminal import PLAINLY, Json, Manner, OutputFile, Screen, errors, give_file, print_json, screen_of
 from planner.common.lazy_modules import LazyModule
 from planner.common.summary import SCREEN_LINES
 
@@ -19,14 +20,15 @@ def fleet_command(
     records: Annotated[
         list[Path], typer.Argument(metavar="RECORD...", help="records of robots, or folders of identifications")
     ],
-    output: OutputFile,
+    output: OutputFile = None,
     as_json: Json = False,
     manner: Manner = PLAINLY,
 ) -> None:
     """Learn from several robots of a kind how large their errors are, joint by joint: a prior for the next one."""
     with Screen():
         found = fleets.fleet(records)
-    errors.print(found.full_summary(manner.verbose, SCREEN_LINES - 1))
+    output = new_file(".toml")("fleet", records) if output is None else output
+    (errors if as_json else screen_of(output)).print(found.full_summary(manner.verbose, SCREEN_LINES - 1))
     if as_json:
         _ = found.write(output, manner.force)
         print_json(dict(found.content()))

@@ -6,9 +6,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from planner.cli.terminal import PLAINLY, Json, Manner, SafeConsole, errors, print_json, print_next
+from planner.cli.terminal import PLAINLY, Json, Manner, SafeConsole, print_json, print_next, results
 from planner.common.console import as_word
-from planner.common.errors import InputError, make_printable
+from planner.common.errors import InputError, did_you_mean, make_printable
 from planner.common.summary import fact_lines
 
 WIDE_SIGNS = 120  # of a line
@@ -16,25 +16,38 @@ WIDE_SIGNS = 120  # of a line
 
 def robots_command(
     robot: Annotated[
-        str | None, typer.Argument(metavar="[ROBOT]", help="with -o: a shipped robot, or a CSV table of DH rows")
+        str | None,
+        typer.Argument(
+            metavar="[ROBOT]", help="part of a name or title; with -o a robot to copy, or a CSV table of DH rows"
+        ),
     ] = None,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="DIR", help="folder for its robot.toml and cells, to be made your own"),
     ] = None,
+    drawing: Annotated[
+        Path | None,
+        typer.Option("--draw", metavar="FILE.svg", help="draw the robot (a name or a robot.toml) with its lengths"),
+    ] = None,
     as_json: Json = False,
     manner: Manner = PLAINLY,
 ) -> None:
-    """List the robots and cells that come with the planner, or copy one as a start for your own."""
-    if (robot is None) != (output is None):
-        raise InputError("a robot is copied by its name and a folder together: edbb robots kuka-kr6-r700 -o mine")
-    if robot is not None and output is not None:
+    """List the robots and cells that come with the planner, copy one as a start for your own, or draw one."""
+    if drawing is not None:
+        _draw(robot, drawing, manner.force)
+        return
+    if output is not None:
+        if robot is None:
+            raise InputError("-o copies one robot: name it, as in edbb robots kuka-kr6-r700 -o mine")
         _copy(robot, output, manner.force)
         return
     from planner.cell.reading import shipped_cells
     from planner.kinematics.robot_reader import list_robots, load_robot
 
     robots = {name: load_robot(name) for name in list_robots()}
+    if robot is not None:
+        robots = {name: r for name, r in robots.items() if robot.lower() in f"{name} {r.title}".lower()}
+        _check_found(robot, bool(robots), list(list_robots()))
     cells = {name: [c for c in shipped_cells() if c.startswith(f"{name}/")] for name in robots}
     if as_json:
         print_json(
@@ -51,6 +64,41 @@ def robots_command(
     SafeConsole(width=WIDE_SIGNS).print(table)
 
 
+def _draw(robot: str | None, drawing: Path, force: bool) -> None:
+    """Write the drawing of a robot, by which its lengths are held against a data sheet."""
+    from planner.common.files import write_together
+    from planner.kinematics.robot_reader import load_robot
+    from planner.report.robot_drawing import LEAST_MM, draw_robot, lengths
+
+    if robot is None:
+        raise InputError("--draw needs a robot: edbb robots kuka-kr6-r700 --draw arm.svg")
+    known = load_robot(robot, Path())
+    write_together([(drawing, draw_robot(known).encode())], force=force)
+    shown = [
+        [f"{abs(v):.4g} {way}" for v, way in zip(step, ("forward", "up"), strict=True) if abs(v) >= LEAST_MM]
+        for step in lengths(known)
+    ]
+    steps = ", ".join(map(" and ".join, shown))
+    results.print("\n".join(fact_lines([("drawn", str(drawing)), ("lengths", f"{steps} [mm], from base to flange")])))
+
+
+def _check_found(asked: str, is_found: bool, known: list[str]) -> None:
+    """Refuse a name that no shipped robot has, with what makes it one.
+
+    Raises:
+        InputError: there is none.
+    """
+    if asked.lower().endswith(".csv"):
+        raise InputError(
+            f"a table becomes a robot.toml in a folder: edbb robots {as_word(asked)} -o {Path(asked).stem}"
+        )
+    if not is_found:
+        raise InputError(
+            f"robot '{asked}': none with this name or title is shipped{did_you_mean(asked, known)} Another arm starts "
+            "as a copy of the one most like it: edbb robots ROBOT -o mine (docs/how-to/robot.md)"
+        )
+
+
 def _copy(robot: str, output: Path, force: bool) -> None:
     """Write the files of a robot, and say what they lack and what comes next."""
     from planner.kinematics.robot_reader import describe_robot
@@ -64,10 +112,11 @@ def _copy(robot: str, output: Path, force: bool) -> None:
         facts.append(("no bodies", f"{bare} (how to guess them: docs/tutorials/kuka-bar.md)"))
     if not cells:
         facts.append(("no cell", f'write one beside it (docs/how-to/cell.md), with robot = "{ROBOT_FILE}"'))
-    errors.print("\n".join(fact_lines(facts)))
+    results.print("\n".join(fact_lines(facts)))
     what = f"{ROBOT_FILE} and the cell" if cells else ROBOT_FILE
     cell = cells[0] if cells else output / "cell.toml"
-    print_next(f"change {what} into yours, then: edbb plan {as_word(cell)} -o plan")
+    draw = f"edbb robots {as_word(files[0])} --draw {as_word(output / 'robot.svg')}"
+    print_next(f"change {what} into yours; {draw} shows its lengths\nedbb plan {as_word(cell)} -o plan")
 
 
 def dialects_command(as_json: Json = False) -> None:

@@ -15,7 +15,7 @@ from urllib.parse import quote, urlencode
 from urllib.request import Request, urlopen
 
 from planner.cell.reading import load_cell
-from planner.cli.terminal import Screen, check_folder, environment_token, errors
+from planner.cli.terminal import Screen, check_folder, environment_token, errors, results
 from planner.common.errors import InputError, MissingProgramError
 from planner.common.files import write_bytes, write_together
 from planner.common.result_folder import MANIFEST, draft_folder, move_all
@@ -185,12 +185,15 @@ def run_remotely(server: Server, words: Sequence[str]) -> int:
         ended = server.ask(f"/api/jobs/{job['id']}")
         files = {str(f["name"]): _fetch(server, f) for f in list_of_dicts(ended["files"])}
     printed, log = files.pop("printed", b""), files.pop("log", b"").decode(errors="replace")
-    said = [line for line in log.splitlines() if not re.match(r'\{"stage":|  (written to|next) ', line)]
+    said = [line for line in log.splitlines() if not line.startswith('{"stage":')]
     if said:
         errors.print("\n".join(said))
-    sys.stdout.write(printed.decode(errors="replace"))
+    found = printed.decode(errors="replace")
+    if command.output != "-" and "--json" not in words:  # where the server has written it, and what to type there
+        found = re.sub(r"^  (written to|next) .*\n", "", found, flags=re.MULTILINE)
+    sys.stdout.write(found)
     if files and command.output is not None:
-        errors.print(f"  written to  {_write(files, command.output, words[0], FORCE in words)}")
+        results.print(f"  written to  {_write(files, command.output, words[0], FORCE in words)}")
     elif ended["problem"] and not said:
         errors.print(f"edbb: {dict(ended)['problem']}")
     code = ended["exit_code"]

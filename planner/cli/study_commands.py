@@ -1,6 +1,5 @@
 """The command study: what is typed there beside what its verb declares."""
 
-from inspect import Parameter
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from planner.cell.declared import CELL
 from planner.cli.declared import Values, declare_command
+from planner.cli.default_output import new_folder
 from planner.cli.terminal import Json, Manner, Output, give
 from planner.common.calls import find_function
 from planner.common.errors import InputError
@@ -61,8 +61,9 @@ ClusterKeys = Annotated[
 study_command = declare_command(
     StudyCall,
     _study,
+    new_folder,
     cell=(Annotated[str | None, typer.Argument(metavar="[CELL]", help=CELL)], None),
-    output=(Output, Parameter.empty),
+    output=(Output, None),
     seed=(Seed, None),
     sweep_file=(Sweep, None),
     scheduler=(Scheduler, None),

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
-from planner.common.errors import InputError, NoSolutionError, make_printable
+from planner.common.errors import FAILED, InputError, NoSolutionError, make_printable
 from planner.common.file_names import check_names
 from planner.common.files import document_text
 from planner.common.progress import Progress, Stages
@@ -95,11 +95,17 @@ class Manner:
 
 
 PLAINLY = Manner()
+results = SafeConsole(soft_wrap=True)
+"""Standard output: what a command found."""
 errors = SafeConsole(stderr=True, soft_wrap=True)
+"""Standard error: progress, notes, what went wrong."""
 
 Json = Annotated[bool, typer.Option("--json", help="print a machine-readable summary on standard output")]
 OutputFile = Annotated[
-    str, typer.Option("-o", "--output", metavar="FILE", help="file to write, or - for standard output")
+    str | None,
+    typer.Option(
+        "-o", "--output", metavar="FILE", help="file to write, or - (default: a new one named after the input)"
+    ),
 ]
 
 
@@ -127,7 +133,16 @@ def parse_folder(text: str) -> Path:
     return Path(text)
 
 
-Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", parser=parse_folder, help="folder to write to")]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="DIR",
+        parser=parse_folder,
+        help="folder to write to (default: a new one named after the input)",
+    ),
+]
 
 OptionalOutput = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="DIR", help="folder to write the report to")
@@ -150,6 +165,7 @@ def give(
 
     Raises:
         NoSolutionError: the result must not be used.
+        Exit: what was judged has failed.
     """
     if output is not None:
         check_folder(output, manner.force)
@@ -160,9 +176,11 @@ def give(
     if as_json:
         sys.stdout.write(result.to_json())
     else:
-        errors.print(screen_text(result, output, manner.verbose))
+        results.print(screen_text(result, output, manner.verbose))
     if result.problems:
         raise NoSolutionError("; ".join(result.problems))
+    if result.is_failed:
+        raise typer.Exit(FAILED)
     return result
 
 
@@ -173,6 +191,11 @@ def screen_text(result: Result, output: Path | None, verbose: bool = False) -> s
     step = "" if output is None or result.problems else result.next_step(output)
     below = fact_lines([*facts, *_next_facts(step)])
     return "\n".join([result.full_summary(verbose, SCREEN_LINES - len(below)), *below])
+
+
+def screen_of(output: str) -> SafeConsole:
+    """Return where a summary is printed: on standard error where the file itself goes to standard output."""
+    return errors if output == "-" else results
 
 
 def give_file(text: str, write: Callable[[Path], object], output: str, step: str = "") -> None:
@@ -191,7 +214,7 @@ def _next_facts(step: str) -> list[Fact]:
 
 def print_next(step: str) -> None:
     """Print what a person does next."""
-    errors.print("\n".join(fact_lines(_next_facts(step))))
+    results.print("\n".join(fact_lines(_next_facts(step))))
 
 
 def evaluation_step(run: Path | str, plan: Path) -> str:

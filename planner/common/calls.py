@@ -4,7 +4,6 @@ Python's signature and docstring, the command line, the requests over HTTP, the 
 the documentation are made of that one declaration. To load one costs no library of numbers, so that the help is quick.
 """
 
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields
 from functools import wraps
@@ -54,8 +53,6 @@ class Option:
         choices: of a text: a word for a person for each of its values; they stand in the forms.
         pattern: regular expression of a text that a service takes.
         request_name: its name in requests, where that is not the field's.
-        former: its name on the command line in the version before; it goes on working for this one, with a notice.
-        former_request: the same of its name in requests.
         from_service: what names a file in a request: ``SENT``, or the job that has written it; ``None``: requests
             have no such field.
         is_served: whether requests have the field.
@@ -74,8 +71,6 @@ class Option:
     choices: Mapping[str, str] | None = None
     pattern: str | None = None
     request_name: str = ""
-    former: str = ""
-    former_request: str = ""
     from_service: JobFile | str | None = None
     is_served: bool = True
     python_only: bool = False
@@ -119,7 +114,6 @@ Dialects = Annotated[
         "robot language; may be repeated (default: those that the cell names)",
         typed=list[str] | None,
         pattern=LANGUAGE,
-        former_request="dialects",
     ),
 ]
 
@@ -143,11 +137,6 @@ class CallField:
     def is_required(self) -> bool:
         """Whether there is no call without it."""
         return self.default is MISSING
-
-    @property
-    def former_keyword(self) -> str:
-        """Its name in Python in the version before, of one that was named otherwise."""
-        return self.option.former.removeprefix("--").replace("-", "_")
 
     @property
     def flag(self) -> str:
@@ -293,7 +282,6 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
     call: type[Call] = declaration  # type: ignore[assignment]
     known = call_fields(call)
     fields_by_name = {f.name for f in known}
-    renamed = {f.former_keyword: f.name for f in known if f.former_keyword not in ("", f.name)}
     parameters = [
         Parameter(
             f.name,
@@ -311,7 +299,6 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
         @wraps(function)
         def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
             """Call the function with the declaration's object; a notebook shows its progress."""
-            _take_former_keywords(function.__name__, renamed, kwargs)
             try:
                 _ = signature.bind(*args, **kwargs)
             except TypeError as err:
@@ -330,14 +317,6 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
         return wrapper
 
     return decorate
-
-
-def _take_former_keywords(function: str, renamed: Mapping[str, str], kwargs: dict[str, Any]) -> None:
-    """Give keywords of the version before their names of today, with a warning."""
-    for old in renamed.keys() & kwargs.keys():
-        said = f"{function}(): {old}= is called {renamed[old]}= now; the old name works in this version only"
-        warnings.warn(said, DeprecationWarning, stacklevel=3)
-        kwargs[renamed[old]] = kwargs.pop(old)
 
 
 def _with_arguments(text: str, known: Sequence[CallField]) -> str:

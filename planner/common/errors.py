@@ -6,6 +6,9 @@ from collections.abc import Callable
 from difflib import get_close_matches
 from typing import Any
 
+FAILED = 3
+"""Exit code of a command that has judged something, and it did not pass; the result is written and said."""
+
 PARTLY_DONE = 5
 """Exit code of a command that has written its result, and has left parts of the input as they were."""
 
@@ -81,11 +84,37 @@ class MissingProgramError(PlannerError):
 def did_you_mean(word: str, known: list[str]) -> str:
     """Return ``'; did you mean "x"?'`` for the nearest of ``known``, or an empty string.
 
-    Where none is quite near as a whole, it is the one of which most words are: for ``wobble`` it is an axis wobble.
+    Parts count: ``kr6`` and ``kr6/edbb`` find ``kuka-kr6-r700/edbb``, and ``kr10`` finds the other arm of the series.
+    Where none is near as a whole, it is the one with most words in common: for ``wobble`` it is an axis wobble.
     """
     near, any_near = (get_close_matches(word, known, n=1, cutoff=cutoff) for cutoff in (0.75, 0.5))
-    match = near or _nearest_in_words(word, known) or any_near
-    return f'; did you mean "{match[0]}"?' if match else ""
+    parts = _with_parts(word.lower(), known) or _of_series(word.lower(), known)
+    match = [k for k in near if not parts or k in parts] or parts[:3] or near
+    match = match or _nearest_in_words(word, known) or any_near
+    return f"; did you mean {' or '.join(chr(34) + k + chr(34) for k in match)}?" if match else ""
+
+
+def _with_parts(word: str, known: list[str]) -> list[str]:
+    """Return the paths ``robot/cell`` whose parts hold those of ``word``: ``kr6/edbb`` is in ``kuka-kr6-r700/edbb``."""
+    asked = word.split("/")
+    if len(word) < 3 or not re.search(r"\d", asked[0]):
+        return []
+    pairs = ((k, k.lower().split("/")) for k in known)
+    return [k for k, own in pairs if len(own) >= len(asked) and all(map(_holds_part, own, asked))]
+
+
+def _holds_part(own: str, part: str) -> bool:
+    return any(word.startswith(part) for word in own.split("-")) or own.startswith(part)
+
+
+def _of_series(word: str, known: list[str]) -> list[str]:
+    """Return the names with a part of the same letters and another number: ``kr10`` is of the series of ``kr6``."""
+    series = re.match(r"([a-z]+)\d", word)
+    if series is None:
+        return []
+    cell = word.partition("/")[2]
+    alike = [k for k in known if re.search(rf"(^|-){series[1]}\d", k.lower().partition("/")[0])]
+    return [k for k in alike if k.lower().partition("/")[2].startswith(cell)] or alike
 
 
 def _nearest_in_words(word: str, known: list[str]) -> list[str]:

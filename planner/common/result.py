@@ -141,6 +141,11 @@ class Result(ABC):
         return ()
 
     @property
+    def is_failed(self) -> bool:
+        """Tell whether what was judged did not pass: the command then ends with exit code 3."""
+        return False
+
+    @property
     def simulated(self) -> bool:
         """Tell whether it is made of readings that nobody measured."""
         return False

@@ -16,5 +16,6 @@ __all__ = [
     "plan_charts",
     "plan_data",
     "plan_report",
+    "robot_drawing",
     "standby",
 ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.terminal import environment_token, errors
+from planner.cli.terminal import environment_token, errors, results
 from planner.common.errors import InputError, MissingProgramError
 from planner.service.settings import (
     GB,
@@ -184,7 +184,7 @@ def make_keys(words: Sequence[str]) -> None:
     if len(words) != 1:
         raise InputError("edbb serve keys FOLDER: name one folder, which is copied to each machine of the cluster")
     files = ", ".join(path.name for path in make_cluster_keys(Path(words[0])))
-    errors.print(
+    results.print(
         f"written to {words[0]}: {files}; who has this folder may run programs on the cluster: copy it to the machines "
         "of the cluster alone"
     )
@@ -207,4 +207,4 @@ def copy_store(words: Sequence[str], store: Path) -> None:
     folder = Path(folders[0])
     done = back_up(store, folder) if what == "backup" else restore(folder, store)
     where = f"copied to {folder}" if what == "backup" else f"brought back to {store}"
-    errors.print(f"{done.jobs} jobs, {done.files} files and {done.robots} robots {where}")
+    results.print(f"{done.jobs} jobs, {done.files} files and {done.robots} robots {where}")

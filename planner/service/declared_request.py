@@ -4,7 +4,7 @@ from collections.abc import Callable
 from inspect import getdoc
 from typing import Annotated, Any
 
-from pydantic import AliasChoices, Field, create_model
+from pydantic import Field, create_model
 
 from planner.common.calls import SENT, Call, ServedField, served_fields
 from planner.service.job_folder import FileReference, JobId
@@ -53,6 +53,4 @@ def _annotate(served: ServedField) -> tuple[Any, Any]:
     default: Any = ... if required else [] if empty else field.default
     if default in (None, ""):  # not given: as a request says it
         kind, default = kind | None, None
-    former = option.former_request
-    either = AliasChoices(served.name, former) if former else None  # the name of the version before goes on working
-    return kind, Field(default, description=option.help, validation_alias=either)
+    return kind, Field(default, description=option.help)

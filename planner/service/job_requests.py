@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Self
 
-from pydantic import AliasChoices, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from planner.cell.reading import shipped_cells
 from planner.common.errors import InputError
@@ -295,7 +295,7 @@ class CheckRequest(JobRequest):
     kind = "check"
     document = "check.json"
     example = {"plan": SOME_JOB, "run": {"id": SOME_FILE, "name": "check.csv"}}
-    plan: Annotated[JobId, Field(description="of the check", validation_alias=AliasChoices("plan", "check_plan"))]
+    plan: Annotated[JobId, Field(description="of the check")]
     run: FileReference
 
     def arguments(self, folder: JobFolder) -> list[str]:

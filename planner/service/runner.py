@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from planner.common.errors import PARTLY_DONE, InputError
+from planner.common.errors import FAILED, PARTLY_DONE, InputError
 from planner.common.files import data_folder
 from planner.common.system import group_memory, kill_group, start_in_own_group
 from planner.service.file_store import FileStore
@@ -189,11 +189,20 @@ class JobRunner:
         self._jobs.finish(self._job, "failed", [], None, JobProblem("The process was killed", detail))
 
     def _end_with(self, code: int) -> None:
-        state: State = "done" if code in (0, PARTLY_DONE) else "failed"
+        state: State = "done" if code in (0, PARTLY_DONE) or self._has_judged(code) else "failed"
         problem = None if state == "done" else self._problem(code)
         own_code = None if code == DAMAGED else code  # the command never ran
         with self._files.hold_files():
             self._jobs.finish(self._job, state, self._take_outputs(), own_code, problem)
+
+    def _has_judged(self, code: int) -> bool:
+        """Tell whether a command ended with 3 because what it judged has failed, not because of an error."""
+        return code == FAILED and "edbb: " not in self._read_log()
+
+    def _read_log(self) -> str:
+        with (self._folder / "log").open("rb") as log:
+            log.seek(max(0, (self._folder / "log").stat().st_size - MOST_LOG))
+            return log.read().decode("utf-8", errors="replace")
 
     def _take_outputs(self) -> list[JobOutput]:
         """Move what the command wrote and printed into the store."""
@@ -204,11 +213,8 @@ class JobRunner:
         return [JobOutput(name, *self._files.take(path)) for name, path in (*out, *printed)]
 
     def _problem(self, code: int) -> JobProblem:
-        with (self._folder / "log").open("rb") as log:
-            log.seek(max(0, (self._folder / "log").stat().st_size - MOST_LOG))
-            text = log.read().decode("utf-8", errors="replace")
         own_code = None if code == DAMAGED else code
-        return JobProblem(TITLES.get(code, f"Exit code {code}"), self._sentence(text, code), own_code)
+        return JobProblem(TITLES.get(code, f"Exit code {code}"), self._sentence(self._read_log(), code), own_code)
 
     def _sentence(self, log: str, code: int) -> str:
         """Return the last message of the command, without the folder of the job."""

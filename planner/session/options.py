@@ -84,7 +84,6 @@ class PlanOptions:
             min=0.001,
             max=10.0,
             max_served=10.0,
-            former="--until",
             metavar="MM",
         ),
     ] = None

@@ -1,6 +1,6 @@
 """The verbs ``plan-check`` and ``check``, declared."""
 
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +9,7 @@ from planner.common.calls import Call, Dialects, Option, ProgressKeyword, Seed
 from planner.common.progress import no_progress
 from planner.workflow.declared import CALIBRATED, MeasuredPlan
 
-Model = Annotated[Path | str, replace(CALIBRATED, former="--baseline")]
+Model = Annotated[Path | str, CALIBRATED]
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,11 @@ class CheckResult(FolderResult):
 
         report_check(self.cell.robot.title, self.verdict).with_identity(self.cell, self.simulated).write(draft)
 
+    @property
+    def is_failed(self) -> bool:
+        """Tell whether the check failed."""
+        return not self.verdict.passed
+
     def files(self, folder: Path) -> str:
         """Name what is written."""
         return "check.json, report.html"

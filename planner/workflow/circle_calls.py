@@ -48,13 +48,11 @@ class LoadedCall(Call):
     tracker: Annotated[Path | None, Option("a tracker's run of the unloaded circle", metavar="RUN")] = None
     unloaded: Annotated[
         Sequence[Path],
-        Option(
-            "a bar's run without load, for one fit of both", metavar="RUN", former="--with", typed=list[Path] | None
-        ),
+        Option("a bar's run without load, for one fit of both", metavar="RUN", typed=list[Path] | None),
     ] = ()
     overshoot_deg: Annotated[
         float | None,
-        Option("degrees dropped at either end (else as the cell says)", min=0.0, max=720.0, former="--overshoot"),
+        Option("degrees dropped at either end (else as the cell says)", min=0.0, max=720.0),
     ] = None
     progress: ProgressKeyword = no_progress
 
@@ -73,7 +71,7 @@ class LoadedPlacesCall(Call):
     places: Annotated[int, Option("circles of the cell.toml that is written", min=1, max=MOST_PLACES)] = 4
     unloaded: Annotated[
         Path | None,
-        Option("a plan without load, for one fit of both", metavar="PLAN.json", former="--with"),
+        Option("a plan without load, for one fit of both", metavar="PLAN.json"),
     ] = None
     seed: Seed = 0
     progress: ProgressKeyword = no_progress

@@ -1,6 +1,5 @@
 """``identify()``: from the log of a run to a calibrated robot, and its folder."""
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -61,10 +60,6 @@ from planner.workflow.separable_findings import can_be_told_apart
 if TYPE_CHECKING:
     from planner.workflow.plan_results import PlanResult
 
-NEEDLESS_ROBUST = (
-    "--robust changes nothing: rows that stand far outside the noise count for little in every fit; leave it out, a "
-    "later version will not know it"
-)
 Runs = Run | Path | str | Sequence[Path | str]
 """One run or several, loaded or by path."""
 
@@ -94,6 +89,12 @@ class CalibrationResult(FitAccess, FolderResult):
     def content(self) -> Mapping[str, Any]:
         """Return what ``identification.json`` says."""
         return self.calibration.content()
+
+    @property
+    def is_failed(self) -> bool:
+        """Tell whether a tolerance was asked for that the robot with its measured tool does not keep."""
+        use = self.calibration.use
+        return use is not None and use.tolerance is not None and use.tools[0].answer == "no"
 
     def next_step(self, folder: Path) -> str:
         """Say how findings are told apart and programs are corrected, or first what makes the error smaller."""
@@ -278,9 +279,6 @@ def _identify_sessions(
 def _result(found: Calibration, cell: Cell, asked: IdentifyCall, stages: Stages) -> CalibrationResult:
     """Return the calibration with what its robot is good for and what more poses would bring."""
     judged = _with_use(_beside_fleet(found, asked.fleet), cell, asked.tolerance_mm)
-    if asked.robust:
-        warnings.warn(NEEDLESS_ROBUST, DeprecationWarning, stacklevel=4)
-        judged = judged.model_copy(update={"warnings": (*judged.warnings, NEEDLESS_ROBUST)})
     released = None if judged.problems else judged.released
     content = None if released is None else expected_error_content(released, judged.run)
     more = foresee_more_poses(judged, cell, content)

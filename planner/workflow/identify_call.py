@@ -61,7 +61,6 @@ class IdentifyCall(Call):
     no_trace: Annotated[bool, Option("seek no causes of what geometry leaves")] = False
     geometry: Annotated[bool, Option("the calibrated robot holds geometry alone")] = False
     hold_out: Annotated[float, Option("share of the groups held out at a time", min=0.02, max=0.5)] = 0.2
-    robust: Annotated[bool, Option("needless: rows far outside the noise count for little in every fit")] = False
     tolerance_mm: Annotated[
         float | None,
         Option(

@@ -34,8 +34,6 @@ class PlanCall(PlanOptions, Call):
             "seconds after which nothing new is searched; what that leaves open is said (exit code 5)",
             min=1,
             metavar="SECONDS",
-            former="--time-limit",
-            former_request="time_limit",
         ),
     ] = None
     progress: ProgressKeyword = no_progress

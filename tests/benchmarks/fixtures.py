@@ -44,7 +44,7 @@ def plan(cell, count, folder, poses):
     if not (folder / "plan.json").exists():
         done = edbb("plan", cell, "-o", folder, "--force", "--dialect", "poses-csv", *words, threads="1")
         if done.returncode:
-            return None, f"exit {done.returncode}: {done.stderr.strip()[-400:]}"
+            return None, f"exit {done.returncode}: {done.screen.strip()[-400:]}"
     document = json.loads((folder / "plan.json").read_text())
     share = re.search(r"100 poses ([^;]*);", " ".join(document["notes"]))
     return document, ", ".join(re.findall(r"[\d.]+(?= by)", share[1])) if share else ""

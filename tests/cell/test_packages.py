@@ -87,11 +87,11 @@ def test_the_command_line_names_them_for_one_command(folder):
     words = ("plan", path, "-o", folder / "out", "--poses", 2)
     unnamed = edbb(*words)
     assert unnamed.returncode == 2
-    assert "add --package arm_description=DIR" in unnamed.stderr
+    assert "add --package arm_description=DIR" in unnamed.screen
     named = edbb(*words, "--package", f"arm_description={folder.parent / 'checkout'}")
-    assert "arm_description" not in named.stderr  # the robot was read; two poses are too few
+    assert "arm_description" not in named.screen  # the robot was read; two poses are too few
     assert named.returncode in (2, 3)
-    assert "add --package arm_description=DIR" in edbb(*words).stderr  # the next command knows nothing of it
+    assert "add --package arm_description=DIR" in edbb(*words).screen  # the next command knows nothing of it
     COMMAND_PACKAGES.set(())
 
 
@@ -100,7 +100,7 @@ def test_a_word_that_names_no_folder_is_told(folder, word):
     (folder / "cell.toml").write_text(CELL.format(""))
     done = edbb("plan", folder / "cell.toml", "-o", folder / "out", "--package", word)
     assert done.returncode == 2
-    assert "--package" in done.stderr
+    assert "--package" in done.screen
 
 
 def test_a_job_of_strangers_names_no_folder_of_others(folder, monkeypatch):

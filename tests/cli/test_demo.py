@@ -41,8 +41,8 @@ def test_the_demo_says_what_came_of_the_fault(tmp_path):
     cell, out = small_cell("kuka-kr6-r700/edbb", tmp_path, *FEWER), tmp_path / "demo"
     done = edbb("demo", cell, "--poses", "36", "--seed", "2", "--no-open", "-o", out)
     assert done.returncode == 0, done.stderr
-    assert "SIMULATED: nobody has measured this robot" in done.stderr
+    assert "SIMULATED: nobody has measured this robot" in done.screen
     found = json.loads((out / "demo.json").read_text())["found"]
-    assert ("was not found" in done.stderr) == (not found)
-    assert "edbb robots" in done.stderr
+    assert ("was not found" in done.screen) == (not found)
+    assert "edbb robots" in done.screen
     assert edbb("robots").returncode == 0

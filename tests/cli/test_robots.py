@@ -1,10 +1,14 @@
 """A shipped robot, or a table of rows, as the start of one's own: the copy is the robot, and is never written over."""
 
+from xml.etree import ElementTree
+
+import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell, shipped_cells
 from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.programs.dialect import load_dialect
+from planner.report.robot_drawing import draw_robot, lengths
 from planner.session.cell_checks import check_cell
 from planner.workflow.robot_copy import copy_robot
 from tests.command import edbb
@@ -32,7 +36,7 @@ def same_robot(one, other):
 def test_a_copied_robot_is_the_robot_with_its_cells(tmp_path, name):
     done = edbb("robots", name, "-o", tmp_path / "mine")
     assert done.returncode == 0
-    assert "no bodies" not in done.stderr
+    assert "no bodies" not in done.screen
     same_robot(load_robot(tmp_path / "mine/robot.toml"), load_robot(name))
     cells = sorted(p.stem for p in (tmp_path / "mine").glob("*.toml") if p.name != "robot.toml")
     assert [f"{name}/{cell}" for cell in cells] == [c for c in shipped_cells() if c.startswith(f"{name}/")]
@@ -65,7 +69,7 @@ def test_a_table_of_rows_becomes_a_file_with_room_for_the_controller(tmp_path):
     (tmp_path / "kr10.csv").write_text(ROWS)
     done = edbb("robots", tmp_path / "kr10.csv", "-o", tmp_path / "kr10")
     assert done.returncode == 0
-    screen = " ".join(done.stderr.split())
+    screen = " ".join(done.screen.split())
     assert "no collision check would see this arm: add [[bodies]] to" in screen
     assert "and the cell into yours" not in screen
     assert "change robot.toml into yours" in screen
@@ -84,7 +88,7 @@ def test_what_a_person_has_changed_is_not_written_over(tmp_path):
     file.write_text(file.read_text() + "\n# mine\n")
     done = edbb(*words)
     assert done.returncode == 2
-    assert "is there already and says otherwise; name another folder, or add --force" in done.stderr
+    assert "is there already and says otherwise; name another folder, or add --force" in done.screen
     assert "# mine" in file.read_text()
     assert edbb(*words, "--force").returncode == 0
     assert "# mine" not in file.read_text()
@@ -93,11 +97,38 @@ def test_what_a_person_has_changed_is_not_written_over(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("ur10",), "a robot is copied by its name and a folder together"),
+        (("-o", "x"), "-o copies one robot: name it"),
+        (("ur11",), 'did you mean "ur10"'),
         (("ur1O", "-o", "x"), 'neither a shipped robot nor a table of DH rows (.csv); did you mean "ur10"?'),
     ],
 )
 def test_what_cannot_be_copied_is_said(words, said):
     done = edbb("robots", *words)
     assert done.returncode == 2
-    assert said in done.stderr
+    assert said in done.screen
+
+
+KR6 = [(25, 400), (0, 315), (0, 35), (365, 0), (80, 0)]
+"""KUKA's data sheet of the KR 6 R700 sixx: steps from base to flange, forward and up [mm]."""
+
+
+def test_a_drawing_shows_the_lengths_of_the_data_sheet(tmp_path):
+    assert np.allclose(lengths(load_robot("kuka-kr6-r700")), KR6, atol=1e-6)
+    done = edbb("robots", "kuka-kr6-r700", "--draw", tmp_path / "arm.svg")
+    assert done.returncode == 0, done.stderr
+    assert "25 forward and 400 up, 315 up, 35 up, 365 forward, 80 forward [mm]" in done.stdout
+    drawn = ElementTree.parse(tmp_path / "arm.svg").getroot()
+    written = [t.text for t in drawn.iter("{http://www.w3.org/2000/svg}text") if t.get("class") == "number"]
+    assert sorted(map(float, written)) == sorted(v for step in KR6 for v in step if v)
+
+
+def test_a_length_that_was_forgotten_is_in_the_drawing(tmp_path):
+    edbb("robots", "kuka-kr6-r700", "-o", tmp_path)
+    file = tmp_path / "robot.toml"
+    file.write_text(file.read_text().replace("a_mm = 315.0", "a_mm = 560.0"))
+    assert lengths(load_robot(file))[1] == pytest.approx((0, 560), abs=1e-6)
+
+
+@pytest.mark.parametrize("name", list_robots())
+def test_every_robot_is_drawn(name):
+    ElementTree.fromstring(draw_robot(load_robot(name)))

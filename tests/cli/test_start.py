@@ -59,11 +59,11 @@ def test_switches_take_no_value_in_the_help(verb):
 def test_a_word_that_is_no_verb_names_the_nearest():
     done = edbb("pla")
     assert done.returncode == 2
-    assert "Did you mean 'plan'" in done.stderr
+    assert "Did you mean 'plan'" in done.screen
 
 
 def test_words_of_files_are_printed_as_they_stand(monkeypatch):
-    assert "edbb: :car:.toml" in edbb("plan", ":car:.toml", "-o", "nowhere").stderr
+    assert "edbb: :car:.toml" in edbb("plan", ":car:.toml", "-o", "nowhere").screen
     title = "TX60 [/60] :car: [red]"
     robot = replace(robot_reader.load_robot("ur10"), title=title)
     monkeypatch.setattr(robot_reader, "load_robot", lambda name: robot)

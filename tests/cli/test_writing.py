@@ -141,7 +141,7 @@ def test_a_single_file_of_others_is_not_written_over(tmp_path):
     path.with_suffix(".csv").write_text("mine\n")
     refused = edbb(*words)
     assert refused.returncode == 2
-    assert "--force" in refused.stderr
+    assert "--force" in refused.screen
     assert edbb(*words, "--force").returncode == 0
 
 
@@ -215,10 +215,10 @@ def test_names_that_no_file_can_have_are_told(tmp_path, name):
     for words in (("plan", name, "-o", tmp_path), ("plan", cell, "-o", tmp_path), ("plan", "x/y", "-o", name)):
         done = edbb(*words)
         assert done.returncode == 2
-        assert len(done.stderr) < 2700
+        assert len(done.screen) < 2700
     mapped = tmp_path / "map.toml"
     mapped.write_text(f"{MAP}[units]\n".replace("measure", 'encoding = "zlib"\nmeasure'))
-    assert "is no encoding of text" in edbb("import", cell, "--map", mapped, "-o", tmp_path / "r.csv").stderr
+    assert "is no encoding of text" in edbb("import", cell, "--map", mapped, "-o", tmp_path / "r.csv").screen
 
 
 @pytest.mark.parametrize("name", ["x" * 300 + ".src", "a\0b.src", "r" * 300 + "/p.src"])
@@ -266,11 +266,11 @@ def test_a_result_that_is_written_says_what_comes_next_and_one_that_must_not_be_
             return f"look into {folder}"
 
     give(lambda stages: Written(), tmp_path / "out", False)
-    assert f"next        look into {tmp_path / 'out'}" in capfd.readouterr().err
+    assert f"next        look into {tmp_path / 'out'}" in capfd.readouterr().out
     Written.problems = ("the fit failed",)
     with pytest.raises(NoSolutionError, match="the fit failed"):
         give(lambda stages: Written(), tmp_path / "out", False)
-    assert "next" not in capfd.readouterr().err
+    assert "next" not in capfd.readouterr().out
 
 
 def test_a_file_where_a_folder_of_results_is_written_stays(tmp_path):

@@ -63,7 +63,7 @@ def _learn(words: list[str], folder: str, kept: Path) -> dict[str, object]:
     _replace_give(remember)
     sys.addaudithook(look)
     with suppress(_LearntError):
-        said = edbb(*words).stderr
+        said = edbb(*words).screen
     looking = False
     return {"changed": changed, "said": said}
 
@@ -102,7 +102,7 @@ def _run(words: list[str], folder: str, out: Path) -> dict[str, object]:
         done = edbb(*words)
     busy = True
     return {
-        "code": done.returncode, "said": done.stderr, "states": [*states, state_of(out)],
+        "code": done.returncode, "said": done.screen, "states": [*states, state_of(out)],
         "times": [*times, time.perf_counter() - begin],
     }  # fmt: skip
 

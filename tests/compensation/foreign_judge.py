@@ -71,7 +71,7 @@ def compensate(folder, model, scratch):
             outcome.refused.add(run["file"])
         else:
             outcome.after[run["file"]] = _text(written)
-        for file, line, reason in re.findall(r"left as it was: (?:.*/)?([^\s/:]+):(\d+)(.*)", done.stderr):
+        for file, line, reason in re.findall(r"left as it was: (?:.*/)?([^\s/:]+):(\d+)(.*)", done.screen):
             elsewhere = NOT_HERE.search(reason)
             (outcome.listed_as_elsewhere if elsewhere else outcome.listed).add((file, int(line)))
     return truth, outcome

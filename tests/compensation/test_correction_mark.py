@@ -206,11 +206,11 @@ def test_the_command_marks_refuses_and_writes_over_its_own_result(model, tmp_pat
     for more in ((), ("--again",)):
         done = edbb(*twice, *more)
         assert done.returncode == 2
-        assert "out.src:2: the file was corrected before, by this same model" in " ".join(done.stderr.split())
+        assert "out.src:2: the file was corrected before, by this same model" in " ".join(done.screen.split())
     with (model / "robot.toml").open("a") as file:
         file.write("a1_mm = 24.9\n")
     assert edbb(*twice).returncode == 2
-    assert "--again" in edbb(*twice).stderr
+    assert "--again" in edbb(*twice).screen
     done = edbb(*twice, "--again")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "twice.src").read_text().count("edbb-compensated") == 2
@@ -223,7 +223,7 @@ def test_a_folder_stands_for_the_robot_in_it(model, tmp_path):
     assert by_file.returncode == by_folder.returncode == 0
     assert by_file.stdout == by_folder.stdout
     assert by_file.stderr == by_folder.stderr
-    assert "SIMULATED" in by_folder.stderr
+    assert "SIMULATED" in by_folder.screen
 
 
 def test_the_date_is_the_one_that_is_named_or_of_a_build_or_of_the_model(model, tmp_path, monkeypatch):
@@ -234,10 +234,10 @@ def test_the_date_is_the_one_that_is_named_or_of_a_build_or_of_the_model(model, 
     assert ", 2001-09-09." in edbb(*words).stdout
     assert ", 2026-03-31." in edbb(*words, "--date", "2026-03-31").stdout
     wrong = edbb(*words, "--date", "31.3.2026")
-    assert (wrong.returncode, "allowed" in wrong.stderr) == (2, True)
+    assert (wrong.returncode, "allowed" in wrong.screen) == (2, True)
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
     wrong = edbb(*words)
-    assert (wrong.returncode, "seconds since 1970 is allowed" in wrong.stderr) == (2, True)
+    assert (wrong.returncode, "seconds since 1970 is allowed" in wrong.screen) == (2, True)
 
 
 def test_a_model_without_its_identification_says_that_its_origin_is_unknown(model, tmp_path):
@@ -287,7 +287,7 @@ def test_a_changed_digit_is_another_model(digit, model, tmp_path):
     out, file = tmp_path / "out.src", model / "robot.toml"
     assert edbb("compensate", tmp_path / "p.src", "--model", model, "-o", out).returncode == 0
     file.write_text(file.read_text().replace(*digit))
-    assert "by another model" in " ".join(edbb("compensate", out, "--model", model, "-o", "-").stderr.split())
+    assert "by another model" in " ".join(edbb("compensate", out, "--model", model, "-o", "-").screen.split())
     assert edbb("compensate", out, "--model", model, "--again", "-o", "-").returncode == 0
 
 
@@ -329,7 +329,7 @@ def test_the_urdf_of_a_robot_counts_by_what_it_says(name, tmp_path):
 def test_a_shipped_robot_is_no_calibrated_one(tmp_path):
     (tmp_path / "p.src").write_text(krl(GOOD))
     done = edbb("compensate", tmp_path / "p.src", "--model", "comau-nj130", "-o", "-")
-    said = " ".join(done.stderr.split())
+    said = " ".join(done.screen.split())
     assert done.returncode == 2
     assert "--model comau-nj130: a shipped robot is the nominal one and not calibrated" in said
     assert "give the robot.toml that 'edbb identify' wrote, or its folder" in said
@@ -342,4 +342,4 @@ def test_a_model_that_is_not_there_is_said_with_what_to_give(name, tmp_path):
     (tmp_path / "empty").mkdir()
     done = edbb("compensate", tmp_path / "p.src", "--model", tmp_path / name, "-o", "-")
     assert done.returncode == 2
-    assert "found; give the robot.toml that 'edbb identify' wrote, or its folder" in " ".join(done.stderr.split())
+    assert "found; give the robot.toml that 'edbb identify' wrote, or its folder" in " ".join(done.screen.split())

@@ -61,8 +61,8 @@ def compensated(path, robot, out, options=()):
     source, result = (p.read_text(encoding="utf-8").splitlines() for p in (path, out))
     more = len(result) - len(source)
     start = next(i for i, line in enumerate(result) if "edbb-compensated" in line)
-    left = re.search(r"lines left as they were: (.*)", done.stdout + done.stderr)
-    said = re.search(r"corrected lines: (.*)", done.stdout + done.stderr)
+    left = re.search(r"lines left as they were: (.*)", done.stdout + done.screen)
+    said = re.search(r"corrected lines: (.*)", done.stdout + done.screen)
     body = result[:start] + result[start + more :]
     assert len(body) == len(source)
     return done.returncode, body, numbers(left[1]) if left else set(), numbers(said[1]) if said else None

@@ -497,7 +497,7 @@ def test_the_command_says_by_its_exit_code_what_was_done(tmp_path):
         path.write_text(krl(*body))
         out.unlink(missing_ok=True)
         done = edbb("compensate", path, "--model", tmp_path / "robot.toml", "-o", out, *more)
-        assert ("SIMULATED" in done.stderr) == (tmp_path / "identification.json").exists()
+        assert ("SIMULATED" in done.screen) == (tmp_path / "identification.json").exists()
         return done.returncode, out.exists()
 
     assert compensate([GOOD]) == (0, True)

@@ -82,7 +82,7 @@ def test_one_half_alone_is_refused_and_nothing_is_written(left_out, named, why, 
     (tmp_path / left_out).unlink()
     done = run(model, tmp_path, named, tmp_path / f"out{named[-4:]}")
     assert done.returncode == 2
-    assert why in done.stderr
+    assert why in done.screen
     assert [p.name for p in tmp_path.iterdir()] == [named]
 
 
@@ -99,7 +99,7 @@ def test_a_half_that_was_corrected_before_leaves_both(kuka, model, tmp_path):
     (tmp_path / "pick.dat").write_text((tmp_path / "out" / "pick.dat").read_text())
     done = run(model, tmp_path, "pick.src", f"{tmp_path}/again/")
     assert done.returncode == 2
-    assert "corrected before, by this same model" in done.stderr
+    assert "corrected before, by this same model" in done.screen
     assert not (tmp_path / "again").exists()
 
 
@@ -108,7 +108,7 @@ def test_a_file_of_others_in_the_place_of_one_half_leaves_both(kuka, model, tmp_
     (tmp_path / "out.dat").write_text("somebody else's\n")
     done = run(model, tmp_path, "pick.src", tmp_path / "out.src")
     assert done.returncode == 2
-    assert "was not written by edbb" in done.stderr
+    assert "was not written by edbb" in done.screen
     assert not (tmp_path / "out.src").exists()
     assert (tmp_path / "out.dat").read_text() == "somebody else's\n"
 
@@ -118,7 +118,7 @@ def test_the_other_half_takes_the_name_of_the_output(kuka, model, tmp_path):
     done = run(model, tmp_path, "pick.src", tmp_path / "better.src")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "better.dat").is_file()
-    assert "under the name of the module, pick" in done.stderr
+    assert "under the name of the module, pick" in done.screen
 
 
 @pytest.mark.parametrize("output", ["-", "out.dat", "out.txt"])
@@ -126,7 +126,7 @@ def test_an_output_that_holds_one_file_alone_is_refused(output, kuka, model, tmp
     lay(tmp_path, kuka[0])
     done = run(model, tmp_path, "pick.src", output if output == "-" else tmp_path / output)
     assert done.returncode == 2
-    assert "are written together; name a" in done.stderr
+    assert "are written together; name a" in done.screen
     assert len(list(tmp_path.iterdir())) == 2
 
 
@@ -134,8 +134,8 @@ def test_a_program_that_is_corrected_in_part_is_not_recommended(kuka, model, tmp
     lay(tmp_path, kuka[0], moves=[*MOVES, "LIN_REL {Z 5}"])
     done = run(model, tmp_path, "pick.src", f"{tmp_path}/out/")
     assert done.returncode == 5
-    assert "load" not in done.stderr
-    assert "see to the lines that were left as they were" in done.stderr
+    assert "load" not in done.screen
+    assert "see to the lines that were left as they were" in done.screen
 
 
 def test_data_of_a_rapid_program_are_corrected_with_the_module_that_uses_them(abb, tmp_path):
@@ -181,7 +181,7 @@ def test_halves_of_which_nothing_is_certain_are_refused(kuka, model, tmp_path):
     lay(tmp_path, kuka[0], moves=["BAS(#TOOL,3)", "BAS(#BASE,3)", *(f"LIN {name}" for name in POINTS)])
     done = run(model, tmp_path, "pick.dat", f"{tmp_path}/out/")
     assert done.returncode == 2
-    assert "pick.dat and pick.src hold no target that could be compensated" in done.stderr
+    assert "pick.dat and pick.src hold no target that could be compensated" in done.screen
     assert not (tmp_path / "out").exists()
 
 

@@ -61,7 +61,7 @@ def test_a_table_of_the_tools_poses_is_taken_for_what_its_angles_say(model, tmp_
         done = edbb("compensate", poses(tmp_path / "t.csv", tool), "--model", model, "-o", "-")
         assert done.returncode == 0, done.stderr
         np.testing.assert_allclose(table_of(done.stdout)[:, 6:], wanted(model), atol=2e-5)
-        assert ("these are poses of the measured tool point" in " ".join(done.stderr.split())) == says
+        assert ("these are poses of the measured tool point" in " ".join(done.screen.split())) == says
 
 
 def test_the_word_model_stands_for_the_tool_of_the_file(model, tmp_path):
@@ -72,14 +72,14 @@ def test_the_word_model_stands_for_the_tool_of_the_file(model, tmp_path):
     )
     assert by_word.returncode == 0, by_word.stderr
     assert by_word.stdout == by_number.stdout
-    assert "warning" not in by_word.stderr + by_number.stderr
+    assert "warning" not in by_word.screen + by_number.screen
     model.write_text(model.read_text().replace(POINT, ""))
     none = edbb("compensate", table, "--model", model, "--tool", "model", "-o", "-")
-    assert (none.returncode, "has no [[tool_points]]" in " ".join(none.stderr.split())) == (2, True)
+    assert (none.returncode, "has no [[tool_points]]" in " ".join(none.screen.split())) == (2, True)
     named = "".join(POINT.replace("pos", f'name = "{name}"\npos') for name in "AB")
     model.write_text(model.read_text() + named)
     several = edbb("compensate", table, "--model", model, "--tool", "model", "-o", "-")
-    assert (several.returncode, "several tool points (A, B)" in " ".join(several.stderr.split())) == (2, True)
+    assert (several.returncode, "several tool points (A, B)" in " ".join(several.screen.split())) == (2, True)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_the_word_model_stands_for_the_tool_of_the_file(model, tmp_path):
 def test_a_tool_that_is_off_by_more_than_its_deviation_is_warned_of(z, said, model, tmp_path):
     table = poses(tmp_path / "t.csv", np.array([12.0, -7.5, z]))
     done = edbb("compensate", table, "--model", model, "--tool", f"12,-7.5,{z},0,0,0", "-o", "-")
-    told = " ".join(done.stderr.split())
+    told = " ".join(done.screen.split())
     assert done.returncode == 0, told
     assert bool(re.search(r"warning: --tool", told)) == bool(said)
     assert said in told
@@ -108,7 +108,7 @@ def test_a_robot_that_left_its_folder_still_says_that_it_was_simulated(model, tm
         model.write_text(text.replace("schema =", f"{line}\nschema ="))
         done = edbb("compensate", table, "--model", model, "-o", "-")
         assert word in done.stdout.splitlines()[0]
-        assert ("SIMULATED" in done.stderr) == (word == "SIMULATED")
+        assert ("SIMULATED" in done.screen) == (word == "SIMULATED")
 
 
 FAR = TOOL + np.array([0.0, 0.0, 158.0])
@@ -147,7 +147,7 @@ def test_the_error_of_joint_targets_is_that_of_the_tool_that_their_program_says(
     for tool, after in ((TOOL, 0.3), (FAR, 1.8)):
         (tmp_path / name).write_text(PROGRAMS[name].format(*tool, *(tool * 1e-3)))
         done = edbb("compensate", tmp_path / name, "--model", model, "-o", "-")
-        told = " ".join(done.stderr.split())
+        told = " ".join(done.screen.split())
         assert done.returncode == 0, told
         assert float(re.search(r"tool error \S+ → (\S+) mm", told)[1]) == after
         off = "the program's tool (12.0, -7.5, 309.4) mm on 1 line ({}) is another tool (158 mm away)"
@@ -185,7 +185,7 @@ def test_the_stated_error_of_a_tool_that_the_files_do_not_hold_is_the_measured_o
     def told(*words):
         done = edbb("compensate", path, "--model", model, *words, "-o", "-")
         assert done.returncode == 0, done.stderr
-        return " ".join(done.stderr.split()).replace("└", "").replace("│", "")
+        return " ".join(done.screen.split()).replace("└", "").replace("│", "")
 
     said = told()
     assert re.search(r"joint targets on 2 lines \(.*?\) are of a tool that the files do not hold", said), said
@@ -216,7 +216,7 @@ def test_how_a_controller_counts_makes_no_other_robot_and_a_length_does(model, t
         assert (done.returncode, bool(re.search(r"tool error  \S+ → 0.300 mm", done.stderr))) == (0, True), done.stderr
     assert again.stdout == first.stdout
     model.write_text(text.replace("a_mm = 315.4", "a_mm = 315.5"))
-    assert "expected_error.json belongs to another robot.toml" in " ".join(edbb(*words).stderr.split())
+    assert "expected_error.json belongs to another robot.toml" in " ".join(edbb(*words).screen.split())
 
 
 @pytest.mark.parametrize("added", ["", ADDED])
@@ -224,7 +224,7 @@ def test_a_statement_of_an_earlier_version_holds_for_the_bytes_that_it_was_writt
     with_known_errors(model, lambda text: sha256(text.encode()).hexdigest())
     (tmp_path / "t.src").write_text(PROGRAMS["t.src"].format(*TOOL))
     model.write_text(model.read_text() + added)
-    told = " ".join(edbb("compensate", tmp_path / "t.src", "--model", model, "-o", "-").stderr.split())
+    told = " ".join(edbb("compensate", tmp_path / "t.src", "--model", model, "-o", "-").screen.split())
     assert ("→ 0.300 mm" in told) == (not added)
     assert ("to the byte: identify again" in told) == bool(added)
 
@@ -240,4 +240,4 @@ def test_a_table_of_a_german_spreadsheet_is_read_and_written_with_its_commas(mod
     np.testing.assert_allclose(table_of(body.replace(",", ".").replace(";", ",")), plain, atol=1e-9)
     (tmp_path / "mixed.csv").write_text(text.replace(",", ".", 1))
     mixed = edbb("compensate", tmp_path / "mixed.csv", "--model", model, "-o", "-")
-    assert (mixed.returncode, "a number with a point is allowed" in " ".join(mixed.stderr.split())) == (2, True)
+    assert (mixed.returncode, "a number with a point is allowed" in " ".join(mixed.screen.split())) == (2, True)

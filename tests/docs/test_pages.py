@@ -173,6 +173,6 @@ def test_the_examples_of_the_commands_run_in_their_order(tmp_path, monkeypatch):
         first = re.findall(r"```console\n(.*?)```", page, re.DOTALL)[0]
         for words in commands(first):
             done = edbb(*(str(small) if w == "comau-nj130/edbb" else w for w in words))
-            assert done.returncode == 0, f"{words}: {done.stderr}"
+            assert done.returncode == (3 if words[0] == "check" else 0), f"{words}: {done.stderr}"  # axis 3 has slipped
     for name in ("report.html", "robot.toml", "identification.json", "residuals.csv", "expected_error.csv"):
         assert (Path("calibrated") / name).is_file()

@@ -67,7 +67,7 @@ def typed(words, folder):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("tutorial", ["seed-cell", "kuka-bar", "panda", "so101", "ur5-real-run"])
+@pytest.mark.parametrize("tutorial", ["kuka-bar", "panda", "so101", "ur5-real-run"])
 def test_a_tutorial_is_done_as_it_is_written(tutorial, tmp_path, monkeypatch):
     prepare(tmp_path)
     monkeypatch.chdir(tmp_path)

@@ -90,7 +90,7 @@ def run(case):
 
 def _long_screen(where, step, done):
     """What is wrong with the length of a screen; lists have as many lines as there are things."""
-    lines = done.stderr.splitlines()
+    lines = (done.stderr if "--json" in step.words else done.stderr + done.stdout).splitlines()
     if done.returncode not in (0, PARTLY_DONE) or step.words[0] in ("robots", "dialects") or len(lines) <= SCREEN_LINES:
         return []
     return [f"{where}: the screen has {len(lines)} lines: {lines}"]

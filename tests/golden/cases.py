@@ -210,7 +210,7 @@ CASES = (
         "kr6-traced",
         {**FITTED, "move.src": MOVE, **given("bar.csv", "part.src", "part.mod", "targets.csv")},
         (
-            edbb("identify bar.csv --cell cell.toml -o found --robust --json"),
+            edbb("identify bar.csv --cell cell.toml -o found --json"),
             edbb("compensate part.src --model found/robot.toml -o part_corrected.src"),
             edbb("compensate move.src --model found/robot.toml -o move_corrected.src", 2, ("move.src:2", "PTP_REL")),
             edbb("compensate part.mod --model found/robot.toml -o part_corrected.mod"),

@@ -96,7 +96,7 @@ def test_each_measured_point_is_a_measured_tool(calibrated, tmp_path):
     tool = ",".join(f"{v:.4f}" for v in (*(points["2"] * 1e3), 0, 0, 0))
     done = edbb("compensate", table, "--model", folder, "--tool", tool, "-o", tmp_path / "out.csv")
     assert done.returncode == 0, done.stderr
-    assert "another tool" not in done.stdout + done.stderr
+    assert "another tool" not in done.stdout + done.screen
 
 
 def test_what_is_stated_of_both_points_is_as_large_as_the_truth(calibrated):

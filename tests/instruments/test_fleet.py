@@ -158,7 +158,7 @@ def test_identifications_are_a_fleet_and_the_next_robot_takes_it(calibrated):
     with few_draws():
         done = edbb(*words, "--fleet", file, "-o", calibrated / "with_fleet")
     assert done.returncode == 0, done.stderr
-    assert f"--fleet {file}" not in done.stderr
+    assert f"--fleet {file}" not in done.screen
 
 
 @pytest.mark.long

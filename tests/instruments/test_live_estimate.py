@@ -255,10 +255,10 @@ def test_the_command_reads_until_the_goal_and_goes_on_where_it_was_left(tmp_path
     words = ["measure", plan, "--serial-port", gauge.port, "--until-mm", "6", "-o", tmp_path / "run.csv"]
     first, second = edbb(*words), edbb(*words)
     gauge.on = False
-    assert first.returncode == second.returncode == 0, first.stderr + second.stderr
-    assert "11 of 50 poses are measured" in first.stderr
-    assert "6 mm is reached" in second.stderr
-    assert "drive on, the goal is reached" in second.stderr
+    assert first.returncode == second.returncode == 0, first.screen + second.screen
+    assert "11 of 50 poses are measured" in first.screen
+    assert "6 mm is reached" in second.screen
+    assert "drive on, the goal is reached" in second.screen
     validation = {p["id"] for p in poses if p["role"] == "validate"}
     measured = {p for k, p in enumerate(asked) if k != 11}
     assert len(validation) == 5

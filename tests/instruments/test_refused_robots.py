@@ -87,8 +87,8 @@ def test_the_command_corrects_by_it_with_force_alone(worse, tmp_path):
     words = "compensate", tmp_path / "targets.csv", "--model", worse[1], "-o", tmp_path / "corrected.csv"
     done = edbb(*words)
     assert done.returncode == 2
-    assert "not to be used" in done.stderr
-    assert "--force" in done.stderr
+    assert "not to be used" in done.screen
+    assert "--force" in done.screen
     assert not (tmp_path / "corrected.csv").exists()
     assert edbb(*words, "--force").returncode == 0
 

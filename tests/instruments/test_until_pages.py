@@ -46,12 +46,12 @@ def test_three_batches(tmp_path, monkeypatch):
         words = [goal if w == "0.2" else w for w in plan]
         done = measure(words, may_refuse=True)
         if done.returncode:  # the goal is met already, as the page says
-            assert "are below" in done.stderr
-            assert "nothing is to be measured for that" in done.stderr
+            assert "are below" in done.screen
+            assert "nothing is to be measured for that" in done.screen
             break
         measured.append(plan[-1])
-        assert f"edbb identify BEFORE/run.csv {plan[-1]}/run.csv -o calibrated" in done.stderr
-        assert done.stderr.count("edbb identify BEFORE/run.csv") == 1
+        assert f"edbb identify BEFORE/run.csv {plan[-1]}/run.csv -o calibrated" in done.screen
+        assert done.screen.count("edbb identify BEFORE/run.csv") == 1
         assert "left standing" in (tmp_path / plan[-1] / "plan.json").read_text()
         identify(evaluate)
         assert limit_mm(evaluate[-1]) < limit_mm("known")
@@ -99,9 +99,9 @@ def test_pose_by_pose_with_a_draw_wire(tmp_path, monkeypatch):
     done = edbb(*(goal if w == "0.2" else w for w in read))
     gauge.on = False
     assert done.returncode == 0, done.stderr
-    assert "mm expected, 95 % below" in done.stderr
-    assert f": {goal} mm is reached" in done.stderr
-    assert "drive on, the goal is reached" in done.stderr
+    assert "mm expected, 95 % below" in done.screen
+    assert f": {goal} mm is reached" in done.screen
+    assert "drive on, the goal is reached" in done.screen
     assert Path("run.progress.csv").is_file()
     identify(found)
     assert limit_mm("calibrated") < 3 * float(goal)
@@ -130,6 +130,6 @@ def test_ball_by_ball(tmp_path, monkeypatch):
         done = edbb(*words)
         assert done.returncode == 0, done.stderr
         if words is centre:
-            assert "0.3 mm is reached" in done.stderr
-            assert "passed by, the goal is reached" in done.stderr
+            assert "0.3 mm is reached" in done.screen
+            assert "passed by, the goal is reached" in done.screen
     assert limit_mm("calibrated") < 0.3

@@ -63,8 +63,8 @@ def test_a_map_that_is_not_there_is_proposed_and_nothing_is_read_yet(tmp_path, r
     words = ("import", str(table), "--map", str(target), "-o", str(tmp_path / "run.csv"))
     first = edbb(*words)
     assert first.returncode == 2
-    assert first.stderr.startswith("log.csv: 10 columns understood, 6 without a unit, 1 left out\n  written to")
-    assert "look at its lines, then give the same command again" in first.stderr
+    assert first.screen.startswith("log.csv: 10 columns understood, 6 without a unit, 1 left out\n  written to")
+    assert "look at its lines, then give the same command again" in first.screen
     assert not (tmp_path / "run.csv").exists()
     assert edbb(*words).returncode == 0
     assert len(load_run(tmp_path / "run.csv", 6)) == len(rows)

@@ -291,4 +291,4 @@ def test_the_screen_says_how_many_poses_and_readings_were_imported(tmp_path):
     first, second = edbb(*words), edbb(*words)
     assert first.returncode == 2
     assert second.returncode == 0, second.stderr
-    assert "15 readings (x_mm, y_mm, z_mm) at 12 poses" in second.stderr
+    assert "15 readings (x_mm, y_mm, z_mm) at 12 poses" in second.screen

@@ -235,7 +235,7 @@ def test_the_commands_copy_and_bring_back(plant, tmp_path):
     assert edbb("serve", "restore", copy, "--data", again).returncode == 0
     assert Plant(again).ids() == {"a"}
     refused = edbb("serve", "restore", copy, "--data", again)
-    assert (refused.returncode, "is not empty" in refused.stderr) == (2, True)
+    assert (refused.returncode, "is not empty" in refused.screen) == (2, True)
     assert edbb("serve", "backup", "--data", plant.folder).returncode == 2
     assert edbb("serve", "copy", copy, "--data", plant.folder).returncode == 2
 

@@ -433,7 +433,7 @@ def test_the_commands(tmp_path, monkeypatch):
         monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
         return edbb("serve", "users", *words, "--data", tmp_path)
 
-    assert "has to be an administrator" in users("add", "ada", typed=f"{PASSWORD}\n").stderr
+    assert "has to be an administrator" in users("add", "ada", typed=f"{PASSWORD}\n").screen
     assert users("add", "ada", "--role", "administer", typed=f"{PASSWORD}\n").returncode == 0
     assert users("add", "wanda", "--no-password").returncode == 0
     assert users("passwd", "wanda", typed="another good password\n").returncode == 0

@@ -117,4 +117,4 @@ def test_a_robots_record_grows_with_what_jobs_find(client):
     record = RobotRecord.read(client.folder / "taken" / "KR6-0815")
     assert [e.file.kind for e in record.entries] == ["calibration", "check", "check"]
     done = edbb("record", client.folder / "records" / "KR6-0815")
-    assert "3 entries" in done.stdout + done.stderr
+    assert "3 entries" in done.stdout + done.screen

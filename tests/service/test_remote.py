@@ -61,7 +61,7 @@ def test_files_lie_in_the_folder_of_the_job_alone(client):
 def test_nobody_there_and_a_wrong_address_are_said(monkeypatch):
     assert edbb("--server", "http://127.0.0.1:9", "robots").returncode == 4
     wrong = edbb("--server", "here", "robots")
-    assert (wrong.returncode, "an address such as" in wrong.stderr) == (2, True)
+    assert (wrong.returncode, "an address such as" in wrong.screen) == (2, True)
 
 
 TARGETS = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,-60,80,-90,-80,20\n"

@@ -57,8 +57,8 @@ def succeed(*words):
     """Run a command that must end well; return all that it said."""
     done = edbb(*words)
     assert done.returncode in GOOD, f"edbb {' '.join(map(str, words))}: {done.returncode}\n{done.stderr}"
-    assert "Traceback" not in done.stderr
-    return done.stdout + done.stderr
+    assert "Traceback" not in done.screen
+    return done.stdout + done.screen
 
 
 def check_readings(plan, run, said):

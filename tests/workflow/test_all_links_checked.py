@@ -106,7 +106,7 @@ def test_plan_and_report_say_where_they_stand(planned):
     (note,) = [n for n in plan["notes"] if "stand still" in n]
     for said in ("shoulder2 at -90 deg", "grip at 50 mm", "grip2 at 50 mm (moved by grip)"):
         assert said in note
-        assert said in done.stderr
+        assert said in done.screen
         assert said in (folder / "out" / "report.html").read_text()
 
 
@@ -121,4 +121,4 @@ def test_a_plan_of_another_place_is_not_the_same_plan(planned):
     finally:
         cell.write_text(text)
     assert exported.returncode != 0
-    assert "second_arm" in exported.stderr or "cell.toml" in exported.stderr
+    assert "second_arm" in exported.screen or "cell.toml" in exported.screen

@@ -29,5 +29,5 @@ from tests.command import edbb
 def test_what_cannot_be_asked_of_a_cell(cell, words, message, tmp_path):
     done = edbb("plan", cell, "-o", tmp_path / "out", *words)
     assert done.returncode == 2
-    assert message in done.stderr
+    assert message in done.screen
     assert not (tmp_path / "out").exists()

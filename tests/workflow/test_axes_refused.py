@@ -13,7 +13,7 @@ ADD = ("[controllers.", "same = true", "sense = [1, 1, 1, 1, 1, 1]", "robot.md",
 
 def check_refused(done, language):
     assert done.returncode == 2, done.stderr
-    said = "".join(done.stderr.split())
+    said = "".join(done.screen.split())
     assert all("".join(word.split()) in said for word in (*ADD, f"[controllers.{language}]"))
 
 

@@ -24,7 +24,7 @@ repeatability_mm = 0.02
 def done(*words):
     found = edbb(*words)
     assert found.returncode == 0, found.stderr
-    return found.stderr
+    return found.screen
 
 
 @pytest.mark.long

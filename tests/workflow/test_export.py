@@ -152,15 +152,15 @@ def test_the_file_as_given_is_written_and_the_rest_is_told(folder, tmp_path):
         assert done.stdout == ""
         assert sorted(p.name for p in out.iterdir()) == sorted([given, rest])
         legal = given.partition(".")[0].upper().replace(" ", "_") + ".src"
-        assert f"{given} is written; the controller takes it under the name {legal}" in done.stderr
-        assert f"{rest} is written too" in done.stderr
+        assert f"{given} is written; the controller takes it under the name {legal}" in done.screen
+        assert f"{rest} is written too" in done.screen
         assert "DEF " + legal.removesuffix(".src") in (out / given).read_text()
 
 
 def test_the_name_of_a_companion_is_refused(folder, tmp_path):
     done = edbb("export", folder / "plan.json", "--dialect", "krl", "-o", tmp_path / "p.dat")
     assert done.returncode == 2
-    assert "another file of the program" in done.stderr
+    assert "another file of the program" in done.screen
     assert not (tmp_path / "p.dat").exists()
 
 

@@ -75,12 +75,12 @@ def hold_corrected_targets(planned, nominal, true, released, targets):
     (planned / "targets.csv").write_text(f"{head}\n{rows}\n")
     words = "compensate", planned / "targets.csv", "--model", planned / "calibrated" / "robot.toml"
     done = edbb(*words, "-o", planned / "corrected.csv", "--force")
-    assert done.returncode in (0, 5), done.stderr  # 5: those near a singular position are left as they were
+    assert done.returncode in (0, 5), done.screen  # 5: those near a singular position are left as they were
     lines = [x for x in (planned / "corrected.csv").read_text().splitlines() if x and not x.startswith("#")]
     assert lines[0] == head
     corrected = np.deg2rad([[float(v) for v in x.split(",")] for x in lines[1:]])
     assert np.abs(np.rad2deg(corrected - targets)[:, 0]).max() < 10  # the lift moves by millimetres
-    shown = done.stdout + done.stderr
+    shown = done.stdout + done.screen
     said = re.search(r"tool error +([\d.]+) → ([\d.]+) mm  rms at the (\d+) targets", shown)
     assert said, shown
     stated_before, stated_after = float(said[1]), float(said[2])

@@ -36,4 +36,4 @@ def test_the_log_of_a_plans_krl_program_is_its_run(resting, tmp_path):
     for wrong in (plan, ("--dialect", "krl"), (*plan, "--dialect", "krl", "--map", tmp_path / "m.toml")):
         done = edbb(*words, *wrong, "-o", tmp_path / "other.csv")
         assert done.returncode == 2
-        assert "--dialect" in done.stderr
+        assert "--dialect" in done.screen

@@ -31,7 +31,7 @@ def pruned(tmp_path_factory):
         path = small_cell("comau-nj130/paper", folder, *FEW)
         done = edbb("plan", path, "--as-published", "--poses", 30, "-o", folder / "out")
     assert done.returncode == 0, done.stderr
-    return path, folder / "out", done.stdout + done.stderr
+    return path, folder / "out", done.stdout + done.screen
 
 
 def naive_condition(rows, n):

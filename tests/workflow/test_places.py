@@ -109,8 +109,8 @@ def test_a_run_with_a_point_that_the_tool_has_not_is_refused(session, tmp_path):
     run.write_text(run.read_text().replace("low", "lov"))
     done = edbb("identify", run, "--cell", folder / "cell.toml", "-o", tmp_path / "out")
     assert done.returncode == 2
-    assert "point 'lov'" in done.stderr
-    assert 'did you mean "low"?' in done.stderr
+    assert "point 'lov'" in done.screen
+    assert 'did you mean "low"?' in done.screen
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_a_wrong_tool_point_is_refused(tmp_path, change, words):
     cell = small_cell("kuka-kr6-r700/edbb", tmp_path, TWO, change)
     done = edbb("plan", cell, "-o", tmp_path / "out")
     assert done.returncode == 2
-    assert words in done.stderr
+    assert words in done.screen
 
 
 @pytest.mark.long
@@ -153,4 +153,4 @@ def test_fixtures_beside_several_are_not_looked_for(tmp_path):
     cell = small_cell("kuka-kr6-r700/edbb", tmp_path, OTHER)
     done = edbb("plan", cell, "-o", tmp_path / "out", "--fixtures", 3)
     assert done.returncode == 2
-    assert "has 2 of them" in done.stderr
+    assert "has 2 of them" in done.screen

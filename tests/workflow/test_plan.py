@@ -228,7 +228,7 @@ def test_bad_input_is_told_in_one_sentence_with_its_code(tmp_path, monkeypatch, 
     assert done.returncode == code, done.stderr
     assert all(w in done.stderr for w in said), done.stderr
     assert done.stdout == ""
-    assert "Traceback" not in done.stderr
+    assert "Traceback" not in done.screen
     assert not (tmp_path / "out").exists()
     assert not [p for p in tmp_path.iterdir() if p.name.startswith(".edbb")]
 
@@ -237,11 +237,11 @@ def test_an_export_of_what_is_no_plan(tmp_path, moving):
     (tmp_path / "plan.json").write_text('{"schema": "edbb-plan/1", "plan_id": "x"}')
     done = edbb("export", tmp_path / "plan.json", "--dialect", "krl", "-o", tmp_path / "p.src")
     assert done.returncode == 2
-    assert "plan_id" in done.stderr
+    assert "plan_id" in done.screen
     (tmp_path / "plan.json").write_text((moving.folder / "plan.json").read_text())
     done = edbb("export", tmp_path / "plan.json", "--dialect", "krl", "-o", tmp_path / "p.src")
     assert done.returncode == 2
-    assert "cell.toml is missing" in done.stderr
+    assert "cell.toml is missing" in done.screen
 
 
 def test_lists():

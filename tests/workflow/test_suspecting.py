@@ -94,5 +94,5 @@ def test_the_command_refuses_before_it_fits(cell, tmp_path):
     np.savetxt(tmp_path / "run.csv", np.hstack([np.rad2deg(q), p]), delimiter=",", header=head, comments="")
     done = edbb("identify", tmp_path / "run.csv", "--cell", cell.path, "-o", tmp_path / "out")
     assert done.returncode == 2
-    assert "run: the points lie" in done.stderr
+    assert "run: the points lie" in done.screen
     assert not (tmp_path / "out").exists()

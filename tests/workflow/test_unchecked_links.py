@@ -116,7 +116,7 @@ def test_screen_plan_report_and_program_name_them(crowded):
     program = out / "six_edbb.csv"
     for name in ("l4", "head", "arm2_lower"):
         assert sum(name in note and "not checked for collisions" in note for note in notes) == 1
-        assert name in done.stderr
+        assert name in done.screen
         assert name in report
         assert name in program.read_text()[:4000]
     exported = edbb("export", out / "plan.json", "--dialect", "poses-json", "-o", crowded.parent / "six.json")

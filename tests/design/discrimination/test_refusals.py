@@ -59,7 +59,7 @@ def test_the_command_refuses_before_it_plans(tmp_path):
     path = file(tmp_path, (*LAG, []))
     done = edbb("plan", f"{NJ}/edbb", "-o", tmp_path / "out", "--separate", path)
     assert done.returncode == 2
-    assert "nothing to separate" in done.stderr
+    assert "nothing to separate" in done.screen
     assert not (tmp_path / "out").exists()
 
 

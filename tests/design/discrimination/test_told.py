@@ -116,7 +116,7 @@ def test_the_command_ends_with_two_before_it_plans(tmp_path):
     path = file(tmp_path, (*LAG, ["witchcraft, joint 2"]))
     done = edbb("plan", f"{NJ}/edbb", "-o", tmp_path / "out", "--separate", path)
     assert done.returncode == 2
-    assert "'witchcraft, joint 2' is no effect" in done.stderr
+    assert "'witchcraft, joint 2' is no effect" in done.screen
     assert not (tmp_path / "out").exists()
 
 

@@ -136,7 +136,7 @@ def imported(folder):
     words = (folder / "angles.csv", "--images", folder / "images", "--board", folder / "board.toml")
     done = edbb("import", *words, "-o", folder / "run.csv")
     assert done.returncode == 0, done.stderr
-    return " ".join(done.stderr.split())
+    return " ".join(done.screen.split())
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_what_does_not_go_together_is_refused(folder, change, said):
     words = [folder / "angles.csv", "--images", folder / "images", "--board", folder / "board.toml"]
     done = edbb("import", *change(words), "-o", folder / "no.csv")
     assert done.returncode == 2
-    assert said in " ".join(done.stderr.split())
+    assert said in " ".join(done.screen.split())
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ def test_a_board_that_cannot_be_is_refused(folder, tmp_path, old, new, said):
         "-o", tmp_path / "no.csv",
     )  # fmt: skip
     assert done.returncode == 2
-    assert re.search(said, " ".join(done.stderr.split()))
+    assert re.search(said, " ".join(done.screen.split()))
 
 
 def test_without_opencv_the_remedy_is_named(tmp_path):
@@ -208,7 +208,7 @@ def test_without_opencv_the_remedy_is_named(tmp_path):
     )
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), os.getcwd()])}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
-    assert "pip install 'edbb-planner[camera]'" in done.stderr
+    assert "pip install 'edbb-planner[camera]'" in done.screen
 
 
 @pytest.mark.long

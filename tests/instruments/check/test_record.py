@@ -110,7 +110,7 @@ def test_a_simulated_robot_has_a_record_of_its_own_that_says_so(record, tmp_path
     assert record_rows(known)[0][3].startswith("SIMULATED: ")
     assert "nobody has measured this robot" in report_record(known).html()
     shown = edbb("record", tmp_path / "other")
-    assert "SIMULATED" in (shown.stdout + shown.stderr).splitlines()[0]
+    assert "SIMULATED" in (shown.stdout + shown.screen).splitlines()[0]
 
 
 def test_the_run_of_a_checks_plan_is_judged_not_identified(tmp_path):

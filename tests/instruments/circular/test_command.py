@@ -14,9 +14,9 @@ def folder(tmp_path_factory):
     cell = cell_file(place, ARC + "speed_mm_s = 150\n")
     done = edbb("plan", cell, "-o", place / "one", "--dialect", "krl")
     assert done.returncode == 0, done.stderr
-    assert "circular test on 1 circle" in done.stderr
-    assert f"edbb simulate {place}/one/plan.json -o run.csv" in done.stderr
-    assert f"edbb circular run.csv --plan {place}/one/plan.json -o circular" in done.stderr
+    assert "circular test on 1 circle" in done.screen
+    assert f"edbb simulate {place}/one/plan.json -o run.csv" in done.screen
+    assert f"edbb circular run.csv --plan {place}/one/plan.json -o circular" in done.screen
     return place
 
 
@@ -74,7 +74,7 @@ def test_a_simulated_run_is_evaluated(folder, browser):
     assert (folder / "found" / "pictures" / "polar_1.png").stat().st_size > 10_000
     assert browser.check_report(folder / "found" / "report.html") == ["polar_1", "radial_1"]  # circular.html.j2
     said = edbb("circular", run, "--plan", plan, "-o", folder / "found")
-    assert "G(b)" in said.stderr
+    assert "G(b)" in said.screen
     assert said.stdout == ""
 
 
@@ -83,13 +83,13 @@ def test_a_plan_without_its_cell_is_refused(folder, tmp_path):
     lonely.write_bytes((folder / "one" / "plan.json").read_bytes())
     done = edbb("export", lonely, "--dialect", "krl", "-o", "-")
     assert done.returncode == 2
-    assert "cell.toml is missing" in done.stderr
+    assert "cell.toml is missing" in done.screen
     (tmp_path / "cell.toml").write_text(
         (folder / "one" / "cell.toml").read_text().replace("radius_mm = 350.0", "radius_mm = 351.0")
     )
     done = edbb("export", lonely, "--dialect", "krl", "-o", "-")
     assert done.returncode == 2
-    assert "misses circle arc" in done.stderr
+    assert "misses circle arc" in done.screen
     assert not (tmp_path / "none").exists()
 
 
@@ -102,12 +102,12 @@ def test_a_run_and_a_plan_that_do_not_belong_together_are_refused(folder, tmp_pa
     run.write_text(text.replace(plan_id, "0123456789ab"))
     done = edbb("circular", run, "--plan", one / "plan.json", "-o", tmp_path / "found")
     assert done.returncode == 2
-    assert f"belongs to the plan 0123456789ab, but {one / 'plan.json'} is the plan {plan_id}" in done.stderr
+    assert f"belongs to the plan 0123456789ab, but {one / 'plan.json'} is the plan {plan_id}" in done.screen
     changed = (one / "plan.json").read_text().replace('"robot": "', '"robot": "other-')
     (tmp_path / "plan.json").write_text(changed)
     (tmp_path / "cell.toml").write_bytes((one / "cell.toml").read_bytes())
     run.write_text(text)
     done = edbb("circular", run, "--plan", tmp_path / "plan.json", "-o", tmp_path / "found")
     assert done.returncode == 2
-    assert "for other-" in done.stderr
+    assert "for other-" in done.screen
     assert not (tmp_path / "found").exists()

@@ -53,7 +53,7 @@ def test_the_cell_file(tmp_path, circles, says):
 def test_what_only_a_choice_of_poses_can_give(tmp_path, words, says):
     done = edbb("plan", "comau-nj130/circular", "-o", tmp_path / "out", *words)
     assert done.returncode == 2
-    assert says in done.stderr
+    assert says in done.screen
     assert not (tmp_path / "out").exists()
 
 

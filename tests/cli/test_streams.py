@@ -1,0 +1,125 @@
+"""Results go to standard output, progress and notes to standard error; exit codes say what was judged."""
+
+from dataclasses import replace
+
+import pytest
+
+from planner.cli.app import GREETING
+from planner.cli.default_output import file_of, new_file, new_folder, new_folder_of_files
+from planner.common.errors import did_you_mean
+from planner.workflow import checking
+from tests.command import edbb
+from tests.docs.test_pages import ROOT
+
+PLAN = ROOT / "tests" / "data" / "kr6-plan" / "plan.json"
+CELLS = ["kuka-kr6-r700/edbb", "kuka-kr6-r700/tracker", "ur10/edbb", "ur5e/edbb"]
+
+
+def test_a_simulated_run_says_its_result_on_standard_output(tmp_path):
+    done = edbb("simulate", PLAN, "-o", tmp_path / "run.csv")
+    assert done.returncode == 0, done.stderr
+    assert "next" in done.stdout
+    assert "next" not in done.stderr
+    piped = edbb("simulate", PLAN, "-o", "-")
+    assert piped.stdout == (tmp_path / "run.csv").read_text()  # nothing but the file
+
+
+def test_without_a_place_each_result_gets_a_new_one_of_its_own(tmp_path):
+    for name in ("simulate-kr6-plan.csv", "simulate-kr6-plan-2.csv"):
+        done = edbb("simulate", PLAN, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert name in done.stdout
+        assert (tmp_path / name).is_file()
+    done = edbb("export", PLAN, "--dialect", "krl", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert {p.suffix for p in (tmp_path / "export-kr6-plan").iterdir()} == {".src", ".dat"}
+
+
+def test_names_of_what_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plan-ur10-edbb").mkdir()
+    (tmp_path / "plan-ur10-edbb" / "plan.json").touch()
+    assert str(new_folder("plan", "ur10/edbb")) == "plan-ur10-edbb-2"
+    assert str(new_folder("plan", "mine/hall 3.toml")) == "plan-hall-3"
+    assert new_file(".csv")("simulate", "plan-ur10-edbb/plan.json") == "simulate-ur10-edbb.csv"
+    assert str(new_folder("identify", ["simulate-ur10-edbb.csv", "second.csv"])) == "identify-ur10-edbb"
+    assert new_folder_of_files("compensate", "part.src") == "compensate-part/"
+    (tmp_path / "measure-ur10-edbb.csv").touch()
+    assert file_of(".csv")("measure", "plan-ur10-edbb/plan.json") == "measure-ur10-edbb.csv"  # goes on in it
+
+
+@pytest.mark.parametrize(("failed", "code"), [(False, 0), (True, 3)])
+def test_a_check_that_failed_ends_with_three(failed, code, tmp_path, monkeypatch):
+    class Verdict:
+        passed = not failed
+
+    result = object.__new__(checking.CheckResult)
+    object.__setattr__(result, "verdict", Verdict())
+    assert result.is_failed is failed
+    monkeypatch.setattr(checking, "check", lambda *_, **__: Judged(failed))
+    done = edbb("check", tmp_path / "run.csv", "--model", tmp_path, "-o", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (code, "")
+    assert "judged" in done.stdout
+    assert (tmp_path / "out" / "check.json").is_file()
+
+
+class Judged(checking.FolderResult):
+    """A verdict without a run."""
+
+    main_file = "check.json"
+
+    def __init__(self, failed):
+        self._failed = failed
+
+    @property
+    def is_failed(self):
+        return self._failed
+
+    def overview(self):
+        return replace(checking.Summary(""), title="judged")
+
+    def content(self):
+        return {}
+
+    def fill(self, draft):
+        pass
+
+
+def test_the_command_alone_greets_in_three_lines():
+    done = edbb()
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{GREETING}\n", "")
+    assert len(GREETING.splitlines()) == 3
+    assert "edbb demo" in GREETING
+
+
+@pytest.mark.parametrize("words", [[], ["plan"], ["measure"], ["serve"]], ids=str)
+def test_h_asks_for_help(words):
+    assert edbb(*words, "-h").stdout == edbb(*words, "--help").stdout
+
+
+def test_the_shell_completes_commands_and_options():
+    asked = {"_PYTHON _M PLANNER.CLI_COMPLETE": "complete_bash"}
+    done = edbb(cwd=".", COMP_WORDS="edbb plan --ti", COMP_CWORD="2", **asked)
+    assert done.stdout.split() == ["--time-limit-s"]
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("kr6", '"kuka-kr6-r700/edbb" or "kuka-kr6-r700/tracker"'),
+        ("kr6/edbb", '"kuka-kr6-r700/edbb"'),
+        ("kr10/edbb", '"kuka-kr6-r700/edbb"'),
+        ("ur1O/edbb", '"ur10/edbb"'),
+        ("ur10/edb", '"ur10/edbb"'),
+    ],
+)
+def test_a_part_of_a_name_is_enough(word, meant):
+    assert did_you_mean(word, CELLS) == f"; did you mean {meant}?"
+
+
+def test_a_robot_is_found_by_part_of_its_name_or_title():
+    assert edbb("robots", "kr6").stdout.count("kuka-kr6-r700/edbb") == 1
+    done = edbb("robots", "kr10")
+    assert done.returncode == 2
+    assert '"kuka-kr6-r700"' in done.stderr
+    assert "edbb robots ROBOT -o mine" in done.stderr
