@@ -112,7 +112,7 @@ def _at_each_pose(file: CellFile, way: ReadBy, seconds: float) -> str:
         )
     if way == "input":
         return (
-            f"At each pose {still}{'' if output is None else f' and output {output} is pulsed'}; after "
+            f"At each pose {still}{'' if output is None else f' and output {output} is pulsed'}. After "
             f"{motion.dwell_s:g} s more it waits until input {file.controller.gauge_input} is on, which the gauge sets "
             "once it has read, and which is off again before the next pose. Where nothing is wired to it the robot "
             f"waits for ever. {reckoned}"

@@ -254,7 +254,7 @@ def measure_command(
     if session.cell.motion.is_continuous or session.cell.gauge.columns != "length_mm":
         raise InputError(
             f'{plan_file}: poses are ticked off where the arm rests at each (motion.measure = "static") and a bar or '
-            "wire is read; log a continuous session with controller and gauge, and bring both logs in by edbb import"
+            "wire is read. Log a continuous session with controller and gauge, and bring both logs in by edbb import"
         )
     log = open_log(output, session.document, session.cell)
     adviser: Adviser = NoAdvice()

@@ -114,6 +114,6 @@ def check_no_measuring_program(name: str, text: str) -> None:
         if match := _PLAN.search(said):
             raise InputError(
                 f"{name}:{line}: the file belongs to the measuring plan {match['plan'].lower()}: its poses are nominal "
-                "on purpose, and its path (range of the bar, distances) is proven as it stands, not as corrected; "
-                "compensation is for programs that work. --measuring corrects it all the same"
+                "on purpose, and its path (range of the bar, distances) is proven as it stands, not as corrected. "
+                "Compensation is for programs that work. --measuring corrects it all the same"
             )

@@ -133,11 +133,11 @@ class TurnsLeft:
             f"line {self.lines[k]} {a.tilt[k] / DEG:.2f}° and {a.spin[k] / DEG:.2f}°" for k in np.sort(worst)
         )
         return (
-            f"an arm of {self.axes} axes brings its tool to a place, and turns it as nearly as it can: by the model "
-            f"the tool point was off by {_rms(b.distance) / MM:.2f} mm rms ({b.distance.max() / MM:.2f} worst), is by "
-            f"{_rms(a.distance) / MM:.3f} ({a.distance.max() / MM:.3f}), its axis by {_rms(b.tilt) / DEG:.2f}° and is "
-            f"by {_rms(a.tilt) / DEG:.2f}°, its turn about the axis by {_rms(b.spin) / DEG:.2f}° and is by "
-            f"{_rms(a.spin) / DEG:.2f}°; {self.nearer_share:.0%} of the targets came nearer",
+            f"an arm of {self.axes} axes brings its tool to a place, and turns it as nearly as it can. Off by the model, rms "
+            f"before → after: tool point {_rms(b.distance) / MM:.2f} → {_rms(a.distance) / MM:.3f} mm "
+            f"(worst {b.distance.max() / MM:.2f} → {a.distance.max() / MM:.3f}), its axis {_rms(b.tilt) / DEG:.2f} → "
+            f"{_rms(a.tilt) / DEG:.2f}°, its turn about the axis {_rms(b.spin) / DEG:.2f} → "
+            f"{_rms(a.spin) / DEG:.2f}°. {self.nearer_share:.0%} of the targets came nearer",
             f"most of a turn (of the axis, about it) is left at: {told}",
         )
 

@@ -130,7 +130,7 @@ def _check_exchanged_balls(run: Run, names: tuple[str, ...], off: float, off_wit
     if swapped[best] < 0.7 * off:
         raise InputError(
             f"{run.name}: balls {names[a]} and {names[b]} look exchanged: with their names as they are the poses are "
-            f"{to_mm(off):.3g} mm off (rms), the other way round {to_mm(swapped[best]):.3g} mm; correct the column "
+            f"{to_mm(off):.3g} mm off (rms), the other way round {to_mm(swapped[best]):.3g} mm. Correct the column "
             "'ball' of the run, or the places in [[balls]]"
         )
 

@@ -222,6 +222,6 @@ def _check_handedness(run: Run, rms: float, mirrored: Callable[[], FramePlacemen
         instead = "not at all" if np.isinf(rms) else f"to {float(to_mm(rms)):.3g} mm"
         raise InputError(
             f"{run.name}: the positions fit the arm {instead} as they are, and to {float(to_mm(found)):.3g} mm with "
-            "one axis turned round: the tracker's axes are left-handed; change the sign of one of x_mm, y_mm, z_mm "
+            "one axis turned round: the tracker's axes are left-handed. Change the sign of one of x_mm, y_mm, z_mm "
             "(factor = -1 in the map of edbb import), or exchange two of them"
         )

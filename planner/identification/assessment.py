@@ -139,7 +139,7 @@ def approach_warnings(traced: TracingResult) -> list[str]:
         return [
             Aside(
                 f"{', '.join(by_rows)}: no direction of approach was logged (direction1 ...), so the arm was taken to "
-                "have gone straight from row to row"
+                "have moved straight from row to row"
             )
         ]
     return []

@@ -206,7 +206,7 @@ class Baseline:
         if not path.is_file():
             raise InputError(
                 f"{path} is missing: a baseline is the folder that 'edbb identify' writes for a cell that gives the "
-                "tool point (and a bar's fixtures), where the posterior came to rest; identify the run again"
+                "tool point (and a bar's fixtures), where the posterior came to rest. Identify the run again"
             )
         file = _read_file(path)
         if not is_model_of(folder / "robot.toml", file.robot_sha256):

@@ -278,7 +278,7 @@ class ExpectedError:
         if not is_model_of(robot_file, file.robot_sha256):
             return (
                 f"{NAME} belongs to another {robot_file.name}: one of them was exchanged, or changed in more than how "
-                f"controllers count ([controllers]); one of an earlier version holds for {robot_file.name} as it was "
+                f"controllers count ([controllers]). One of an earlier version holds for {robot_file.name} as it was "
                 "written, to the byte: identify again"
             )
         found = cls(file, robot)

@@ -163,9 +163,9 @@ def gross_error(found: Fit, declared: Mapping[str, float], cell: Cell, run: Run,
     if geometry.has_factor(found.setup.gauge.scale_sigma) and not list(geometry.beyond(geometry.rest)):
         longer = "longer" if geometry.factor > 0 else "shorter"
         return (
-            f"all lengths are off by one factor ({geometry.factor_text}): scale or unit; the gauge reads this arm "
-            f"{longer} than its links can be; check scale and unit of the gauge, and what the cell says of distances "
-            "of balls, sockets or squares"
+            f"all lengths are off by one factor ({geometry.factor_text}): scale or unit. The gauge reads this arm "
+            f"{longer} than its links can be. Check scale and unit of the gauge, and the distances of balls, sockets "
+            "or squares in the cell"
         )
     if not (far := list(geometry.beyond(geometry.smallest))):
         return ""

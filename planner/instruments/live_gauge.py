@@ -65,7 +65,9 @@ class LiveGauge:
                 if (value := self._value(last)) is not None:
                     return value * self.factor + self.zero
         except LINE_ERRORS as err:
-            raise SilentError(f"the gauge on {self.port} is gone ({err}); is its adapter still plugged in?") from err
+            raise SilentError(
+                f"the gauge on {self.port} does not answer any more ({err}). Is its adapter still plugged in?"
+            ) from err
         raise SilentError(
             f"the gauge on {self.port} sent {last!r} within {silence:g} s, which is no reading: are --baud and "
             "--protocol its own?"

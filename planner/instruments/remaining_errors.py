@@ -182,7 +182,7 @@ class RemainingErrors:
         return (
             f"the tool's error {self.where}, {to_mm(self.untraced_error):.3f} mm as stated now (95 % below "
             f"{to_mm(self.limit_before):.3f} mm), is expected to be {left_mm} mm (95 % below "
-            f"{at_most_mm} mm) once this session is identified together with the runs before"
+            f"{at_most_mm} mm) once this session is identified with the earlier runs"
         )
 
     @cached_property

@@ -30,6 +30,6 @@ def compare_nest_distances(cell: Cell, said: ReferenceReadings) -> str:
     return (
         f"the tracker read the distances of the nests {abs(longer) * 100:.2g} % {more} "
         f"than {cell.path.name} has them ({read[first[k]][0]} to {read[second[k]][0]}: {float(to_mm(seen[k])):.3f} mm, "
-        f"position_mm says {float(to_mm(true[k])):.3f}): the calibrated robot is off by as much, and no pose shows it; "
-        "check the tracker's temperature, pressure and unit on a scale bar, or measure the nests again"
+        f"position_mm says {float(to_mm(true[k])):.3f}): the calibrated robot is off by as much, and no pose shows it. "
+        "Check the tracker's temperature, pressure and unit on a scale bar, or measure the nests again"
     )

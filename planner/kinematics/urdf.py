@@ -245,7 +245,7 @@ def _read_limits(joint: ET.Element) -> tuple[float, float, float]:
             )
     elif not -most_turns * TURN <= lower < upper <= most_turns * TURN:
         raise UrdfError(
-            f"joint '{name}': lower = {lower:g} and upper = {upper:g} rad are no limits; the lower one lies below "
+            f"joint '{name}': lower = {lower:g} and upper = {upper:g} rad are no limits. The lower one lies below "
             f"the upper one, both within {most_turns} turns ({most_turns * TURN:.3g} rad; are these degrees?); a "
             "joint without an end is 'continuous'",
             joint,

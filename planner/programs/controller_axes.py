@@ -73,7 +73,7 @@ def in_controller_axes(program: Program, axes: AxisConvention, dialect: Dialect,
             raise NoSolutionError(
                 f"{where} would take {axis_names(dialect)[j]} of the controller to {q_deg[j]:.4f} {unit}, its stroke "
                 f"is {low:g} to {high:g} {unit}: an axis that counts with others has a stroke that the limits of "
-                f"single joints do not say; narrow limit_{unit} of the joints that it follows from "
+                f"single joints do not say. Narrow limit_{unit} of the joints that it follows from "
                 f"({axes.sentences(axis_names(dialect))[j]})"
             )
     return turned

@@ -48,8 +48,8 @@ def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramSt
         found.append(f"select {', '.join(by_hand)} by hand before the start, the program does not")
     if any(s.kind == "unlogged" for s in steps):
         found.append(
-            "the axis angles in passing are not logged by this program, a continuous session needs the actual "
-            f"positions of the axes recorded with {dialect.trace}, which edbb import reads"
+            "this program does not log the axis angles in passing. A continuous session needs the actual positions of "
+            f"the axes: record them with {dialect.trace}, and edbb import reads them"
         )
     passing = any(s.kind in ("sync_on", "log_passing") or (s.move is not None and s.move.pulse) for s in steps)
     if dialect.sync.passing and passing:

@@ -12,7 +12,7 @@ from planner.model.identification_document import Estimate, Metrics, Stage, erro
 from planner.model.use_text import use_head, use_rows, verdict_text
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
-from planner.report.formatting import chance_text, count_text, decimals_of, digits, in_mm
+from planner.report.formatting import chance_text, count_text, decimals_of, in_mm
 from planner.report.page import Report, Row
 
 
@@ -92,7 +92,6 @@ def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
             f"{len(c.fit.errors)} of {len({e.name for e in (*c.estimates, *c.last_fit)})}",
             "seen and fitted",
         ),
-        ("condition", digits(c.condition_number or np.inf), "of the rows, scaled"),
         ("outliers", count_text(len(c.outliers)), floor),
     )
 

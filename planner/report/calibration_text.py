@@ -142,7 +142,7 @@ def released_text(c: Calibration) -> str:
     mean = "the posterior of geometry and all effects"
     if r.share == 1.0:
         return mean
-    return f"{r.share:.0%} of the way from geometry alone to {mean}, as far as that is hardly ever noticeably worse"
+    return f"{r.share:.0%} of the step from geometry alone to {mean}; a larger step may make some robots worse"
 
 
 def held_out_text(c: Calibration) -> str:
@@ -308,7 +308,7 @@ def _written_size(c: Calibration, f: Finding) -> str:
         return ""
     unit, factor = display_unit(f.unit, f.value)
     held = _pair(float(np.hypot.reduce(own)) * factor, f.std * factor).partition(" ± ")[0]
-    return f" by the last fit, {held} {unit} in the robot as written, which is drawn towards none as far as that may be"
+    return f" by the last fit, {held} {unit} in the robot as written (a cautious value)"
 
 
 def _pair(value: float, std: float) -> str:

@@ -85,10 +85,15 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
     rule, n = INDEX_RULES[choice.index], len(choice.q)
     if plan.expected_error is not None:
         expected = describe_bayesian_design(plan.expected_error)
-        moved = "; the poses were then moved off their grid, which it does not cover" if plan.cell.plan.refine else ""
+        moved = (
+            ("The poses were then moved by a fraction of a step, for which no limit is proven.",)
+            if plan.cell.plan.refine
+            else ()
+        )
         return (
             f"{expected[0].upper()}{expected[1:]}.",
-            f"That limit is a proof over the candidates{moved}.",
+            "No other choice of candidate poses can be better than that: it is proven.",
+            *moved,
             f"{choice.index}, the {rule.what}, is {digits(choice.value, 4)} here; it did not choose these poses.",
         )
     pool = f"the {count_text(bound.candidates)} candidate poses"

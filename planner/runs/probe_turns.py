@@ -68,7 +68,7 @@ def settle_turns(run: Run, robot: Robot) -> Run:
     if any(errors[c] < errors[said] / sure and _differ(turns, c, said) > apart for c in errors if c != said):
         note = (
             f"{run.name}: whether {columns} turn the probe about moving or fixed axes cannot be told from so small "
-            "angles; moving ones, x first, are taken (rx_moving_deg …, rx_fixed_deg … or rx_vector_deg … says it)"
+            "angles. Moving ones, x first, are taken (rx_moving_deg …, rx_fixed_deg … or rx_vector_deg … says it)"
         )
         return replace(run, warnings=(*run.warnings, note))
     return run

@@ -247,8 +247,8 @@ def _offset(gauge: RunTable, axes: RunTable, t_gauge: Array, t_axes: Array) -> t
                 f"offset {found.rival:.1%} or more)"
             ]
         return 0.0, [
-            f"{names}: the clocks are taken for the same, as there is no column sync in both; "
-            "a small offset is found by the fit as the gauge's lag, a large one is not"
+            f"{names}: no column sync in both, so the clocks are taken for the same. "
+            "The fit finds a small offset as the gauge's lag, not a large one"
         ]
     g, a = (rising_edges(t, table.array("sync")) for t, table in ((t_gauge, gauge), (t_axes, axes)))
     try:

@@ -189,7 +189,7 @@ def copy_verified_file(source: Path, sha256: str, target: Path) -> None:
                 found.update(data)
                 written.write(data)
     except FileNotFoundError as err:
-        raise GoneFileError(f"{target.name}: is gone from the store; send it again") from err
+        raise GoneFileError(f"{target.name}: is not in the store any more. Send it again") from err
     if found.hexdigest() != sha256:
         raise InputError(f"{target.name}: its content in the store has changed; send it again")
 

@@ -194,7 +194,7 @@ def output_path(context: ServiceContext, id: str, name: str) -> Path:
     """
     path = context.files.path(find_output(context, id, name).sha256)
     if not path.is_file():
-        raise HTTPException(404, f"the file {name} of the job {id} is gone")
+        raise HTTPException(404, f"the file {name} of the job {id} was deleted")
     return path
 
 

@@ -151,7 +151,7 @@ class JobFolder:
                         return self._lay("robot.csv", run.sha256)
         raise InputError(
             "a check can be simulated only for a robot whose calibration was simulated, as only then its true errors "
-            "are known; drive the check and give its log"
+            "are known. Drive the check and give its log"
         )
 
     def cell_title(self, cell: str) -> str:

@@ -354,7 +354,7 @@ def _count_death(db: sqlite3.Connection, job: str, deaths: int) -> None:
     """Let a job whose server has gone wait again, or give it up where too many servers went while it ran."""
     if deaths < MOST_DEATHS:
         db.execute("UPDATE jobs SET state = 'queued', stage = '', deaths = ? WHERE id = ?", (deaths, job))
-        _tell(db, job, "queued", {"because": "the server that ran it has gone"})
+        _tell(db, job, "queued", {"because": "the server that ran it has stopped"})
         return
     detail = f"the server was killed or broke down {deaths} times while it ran; it may need more than this machine has"
     problem = JobProblem("The server went while it ran", detail)

@@ -178,7 +178,7 @@ def start_notices(workers: int | None, shares: JobShares) -> list[str]:
         said.append(f"jobs at a time: {shares.workers}, not {workers}, as each may use {memory} and has a core")
     if confinement_version() == 0:
         said.append(
-            "jobs are not confined: this system has no Landlock (Linux 5.13 or later, and not switched off); only the "
+            "jobs are not confined: this system has no Landlock (Linux 5.13 or later, and not switched off). Only the "
             "files that commands read are held to a job's folder, so serve nobody whom you do not trust"
         )
     return said

@@ -224,7 +224,7 @@ class ServiceSettings:
         """
         if self.host not in LOOPBACK and not (self.token or self.proxy.user_header or people_known):
             raise InputError(
-                f"--host {self.host}: on an address that others reach people have to log in; name them "
+                f"--host {self.host}: on an address that others reach people have to log in. Name them "
                 f"(edbb serve users add NAME --role administer), set the environment variable {TOKEN_VARIABLE} "
                 f"(a long random word), or listen on 127.0.0.1"
             )

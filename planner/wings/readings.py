@@ -21,8 +21,8 @@ register_advice(Occasion.CENTRED_COLUMNS, "; edbb centre writes all of it by its
 register_advice(Occasion.NO_CENTRING_CALL, ", or let 'edbb centre' drive the robot")
 register_advice(
     Occasion.CENTRED_BALL,
-    "At each ball edbb centre drives the robot until all three indicators show what they showed at the master ball; "
-    "without it, jog there by hand and note the joint angles.",
+    "At each ball edbb centre drives the robot until all three indicators read as at the master ball. "
+    "Without it, jog there by hand and note the joint angles.",
 )
 COMMANDS, GROUP = "planner.cli.cell_commands", "Measure"
 register_command("centre", "Centre a head of indicators on the balls of a plan.", f"{COMMANDS}:centre_command", GROUP)

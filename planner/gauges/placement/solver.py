@@ -201,7 +201,7 @@ def require_determined_unknowns(jacobian: Array, error: Array, problem: Placemen
     if missing and not _undetermined_unknowns(jacobian, np.zeros_like(error), problem):
         raise NoSolutionError(
             f"the readings do not belong to these {len(problem.stand)} poses: placed as well as can be, half of them "
-            f"are {to_mm(float(np.median(error))):.0f} mm off and more; look for rows that were exchanged or shifted, "
+            f"are {to_mm(float(np.median(error))):.0f} mm off and more. Look for rows that were exchanged or shifted, "
             "another tool point, and units"
         )
     if missing:

@@ -74,7 +74,9 @@ class SerialIndicators:
                 last = str(err)
                 continue
             except LINE_ERRORS as err:
-                raise SilentError(f"the indicator on {port} is gone ({err}); is its adapter still plugged in?") from err
+                raise SilentError(
+                    f"the indicator on {port} does not answer any more ({err}). Is its adapter still plugged in?"
+                ) from err
             if value is not None:
                 return value
             last = "nothing" if answer is None else f"{answer!r}, which is no reading"

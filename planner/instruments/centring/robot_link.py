@@ -95,7 +95,9 @@ class VarProxy:
         except TimeoutError as err:
             raise LinkError(f"the robot at {self.where} gave no answer for '{name}' in {self._answer_s:g} s") from err
         except OSError as err:
-            raise LinkError(f"the robot at {self.where} is gone ({err.strerror or err}), asked for '{name}'") from err
+            raise LinkError(
+                f"the robot at {self.where} does not answer any more ({err.strerror or err}), asked for '{name}'"
+            ) from err
         self._spoken = time.monotonic()
         if found != mode:
             raise LinkError(f"the robot at {self.where} answered with mode {found} for '{name}'; is it KUKAVARPROXY?")

@@ -197,7 +197,7 @@ def _go_to_path(way: PlannedPath, bench: CentringBench) -> int:
         first = ", ".join(f"{a:.2f}" for a in to_deg(way.q[0]))
         raise LinkError(
             f"the robot stands {float(to_deg(off)):.1f} deg away from the planned path, and the path to it was never "
-            f"checked; take it by hand to the start of the path ({first} deg)"
+            f"checked. Take it by hand to the start of the path ({first} deg)"
         )
     bench.link.move(way.q[at], slow=True)
     return at

@@ -125,7 +125,8 @@ def _mm(value: float) -> float | None:
 def verdict_overview(verdict: CheckVerdict) -> Summary:
     """Return the verdict in words."""
     said = "passed" if verdict.passed else "FAILED"
-    p = f"smallest probability {verdict.smallest_p:.2g}, alarm below {verdict.threshold:.2g}"
+    chance = f"{verdict.smallest_p:.2g}" if verdict.smallest_p >= 1e-6 else "below 1 in a million"
+    p = f"chance of such readings without a change: {chance}; the check fails below {verdict.threshold:.2g}"
     facts: list[Fact] = [
         ("do", verdict.advice),
         ("test", f"{p} ({100 * FALSE_ALARM:g} of 100 sound robots)"),

@@ -6,5 +6,5 @@ CHECK_NOTE = "these poses tell what has changed since the calibration; they do n
 """Among the notes of such a plan."""
 DRAWN_FOR_CHECK = (
     "this is the plan of a check, and a newly drawn robot was simulated: where the calibration was not of a robot "
-    "drawn with the same seed, its check fails; --truth RUN.csv simulates the robot of the calibration's simulated run"
+    "drawn with the same seed, its check fails. --truth RUN.csv simulates the robot of the calibration's simulated run"
 )

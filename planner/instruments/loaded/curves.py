@@ -175,7 +175,7 @@ def _on_grid(run: Run, circle: DrivenCircle, loads: Array, turns: list[Turn]) ->
     if bins < SAMPLES.coarsest_grid:
         few, enough = min(len(t.rows) for t in turns), SAMPLES.coarsest_grid * SAMPLES.samples_an_angle
         raise InputError(
-            f"{run.name}: a turn has only {few} samples; at least {enough} are needed (drive slower or log faster)"
+            f"{run.name}: a turn has only {few} samples. At least {enough} are needed (drive slower or log faster)"
         )
     directions, N = _directions(run, circle, loads, turns), run.samples.q.shape[1]
     binned = [

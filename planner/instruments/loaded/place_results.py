@@ -114,7 +114,7 @@ def describe_common_fit(known: CommonFit) -> tuple[str, ...]:
         out.append(
             f"{what}, {int(which.sum())} parameters: on average each would be known to {share_text(sizes[0])} of its"
             f" prior sigma by the poses without load, to {share_text(sizes[1])} by the circles, to"
-            f" {share_text(sizes[2])} in one fit; the worst there is {known.names[worst]} with"
+            f" {share_text(sizes[2])} in one fit. The worst there is {known.names[worst]} with"
             f" {share_text(known.both[worst])}."
         )
     return tuple(out)

@@ -34,7 +34,7 @@ def loaded_sentences(circles: Sequence[EvaluatedCircle], found: JointCompliances
         )
         out.append(
             f"The circle's centre is {np.linalg.norm(c.centre_offset) / MM:.3f} mm off its ball (once a turn: "
-            f"{c.offset.amplitude / MM:.3f} mm, phase {float(to_deg(c.offset.phase)):.2f}°); what is left, "
+            f"{c.offset.amplitude / MM:.3f} mm, phase {float(to_deg(c.offset.phase)):.2f}°). What is left, "
             f"up to {np.abs(c.kinematic).max() / UM:.0f} µm, is the kinematic error."
         )
         if c.tracker is not None:

@@ -52,7 +52,7 @@ class TemplateFiles:
         if not any(path.is_relative_to(root) for root in self._roots):
             folders = ", ".join(map(str, self._roots))
             raise XacroError(
-                f"'{name[:200]}' lies outside the folders that this template may read ({folders}); name the package "
+                f"'{name[:200]}' lies outside the folders that this template may read ({folders}). Name the package "
                 "that holds it by --package NAME=DIR, or in the table [packages] of robot.toml or cell.toml"
             )
         return path

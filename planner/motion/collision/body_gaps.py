@@ -88,8 +88,8 @@ def refuse_foreign_bodies(cell: Cell) -> None:
         return
     raise InputError(
         f"{robot.path}: {'; '.join(g.text() for g in gaps)}: these [[bodies]] are another arm's, or the rows "
-        f"(convention '{robot.convention}', a_mm, d_mm, alpha_deg) are wrong, and a path free of collisions would be "
-        f"proven for an arm with holes; {_cure(robot)}"
+        f"(convention '{robot.convention}', a_mm, d_mm, alpha_deg) are wrong: a path would be proven for an arm with "
+        f"holes. {_cure(robot)}"
     )
 
 
@@ -129,7 +129,7 @@ def _cure(robot: Robot) -> str:
         return f'with convention = "{other.convention}" all bodies meet at their joints: are the rows of that one?'
     return (
         "give each link bodies that reach from its joint to the next (from_mm and to_mm in the frame of link), as the "
-        f"data sheet's drawing has it; or take all [[bodies]] out of {robot.path.name}: then bar and tool alone are "
+        f"data sheet's drawing has it. Or take all [[bodies]] out of {robot.path.name}: then bar and tool alone are "
         "checked, and it is said"
     )
 

@@ -105,7 +105,7 @@ def describe_polytopes(cell: Cell) -> tuple[str, ...]:
     return (
         Aside(
             f"{len(shapes)} meshes are checked for collisions as the convex polytopes around them, which hold the "
-            f"meshes and stand at most {excess:.1f} mm beyond their convex hulls; where a mesh is hollow, nothing may "
+            f"meshes and stand at most {excess:.1f} mm beyond their convex hulls. Where a mesh is hollow, nothing may "
             "enter"
         ),
     )

@@ -215,7 +215,7 @@ def require_concorde() -> Path:
         raise MissingProgramError(f"Concorde was asked for, but {error}") from error
     if program is None:
         raise MissingProgramError(
-            "Concorde was asked for, but there is no program of that name on PATH and EDBB_CONCORDE is not set; "
-            'the method "exact" needs no other program'
+            "Concorde was asked for, but there is no program of that name on PATH and EDBB_CONCORDE is not set. "
+            'The method "exact" needs no other program'
         )
     return program
