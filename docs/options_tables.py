@@ -65,7 +65,9 @@ def effects_table() -> str:
     """Return the table of all causes of the catalogue, and what a run needs beyond poses that excite them."""
     needs = ((kind, needs_of(kind)) for kind in effect_kinds())
     rows = [f"| {kind} | {'' if need == ANY_RUN else need} |" for kind, need in needs]
-    return "\n".join(["| cause | what a run needs to show it, beside poses that excite it |", "|---|---|", *rows])
+    return "\n".join(
+        ["| cause | what a run needs to show it, in addition to poses that excite it |", "|---|---|", *rows]
+    )
 
 
 def gallery(attributes: str = "") -> str:

@@ -16,7 +16,7 @@ Ten lines from a cell to a corrected program::
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 if TYPE_CHECKING:  # for type checkers and editors
     from planner.cell.cell import Cell as Cell

@@ -12,7 +12,7 @@ CELL = "a cell file, or robot/cell for a shipped one"
 CellWord = Annotated["Cell | Path | str", Option(CELL, metavar="CELL", is_word=True, typed=str)]
 CellOption = Annotated[
     "Cell | Path | str | None",
-    Option(f"{CELL} (default: the cell.toml beside the plan)", metavar="CELL", typed=str | None),
+    Option(f"{CELL} (default: the cell.toml next to the plan)", metavar="CELL", typed=str | None),
 ]
 FleetOption = Annotated[
     Path | str | None,

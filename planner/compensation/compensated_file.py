@@ -313,8 +313,8 @@ def _certain_targets(path: Path, reading: TargetReading, strict: bool, may_be_no
             if t.pose is not None and t.pose.start is None:
                 reading.refuse(
                     t.line,
-                    f"found a pose without joint angles. {reading.robot.title} has no spherical wrist: joint targets are "
-                    "allowed, or a table of poses with joint angles to start from",
+                    f"found a pose without joint angles. {reading.robot.title} has no spherical wrist: joint targets "
+                    "are allowed, or a table of poses with joint angles to start from",
                 )
         reading.check()
     if (not targets and not may_be_none) or (reading.left and strict):

@@ -133,8 +133,9 @@ class TurnsLeft:
             f"line {self.lines[k]} {a.tilt[k] / DEG:.2f}° and {a.spin[k] / DEG:.2f}°" for k in np.sort(worst)
         )
         return (
-            f"an arm of {self.axes} axes brings its tool to a place, and turns it as nearly as it can. Off by the model, rms "
-            f"before → after: tool point {_rms(b.distance) / MM:.2f} → {_rms(a.distance) / MM:.3f} mm "
+            f"an arm of {self.axes} axes brings its tool to a place, and turns it as nearly as it can. "
+            f"Off by the model, rms before → after: tool point "
+            f"{_rms(b.distance) / MM:.2f} → {_rms(a.distance) / MM:.3f} mm "
             f"(worst {b.distance.max() / MM:.2f} → {a.distance.max() / MM:.3f}), its axis {_rms(b.tilt) / DEG:.2f} → "
             f"{_rms(a.tilt) / DEG:.2f}°, its turn about the axis {_rms(b.spin) / DEG:.2f} → "
             f"{_rms(a.spin) / DEG:.2f}°. {self.nearer_share:.0%} of the targets came nearer",

@@ -201,8 +201,9 @@ def calibrated_model(cell: Cell, model: Path, frame: TrackerRegistration, others
         return _place_model(robot, others, frame, notes)
     why = "says nothing of where the nests stand, its gauge stood elsewhere" if found is not None else "is missing"
     notes.append(
-        f"{path} {why}: the calibrated robot is taken to stand where the cell says. An error of its place counts as an error "
-        f"of the robot. {FRAMES.placing_poses} or more poses of the plan to calibrate with (--plan) would place it"
+        f"{path} {why}: the calibrated robot is taken to stand where the cell says. An error of its place counts "
+        f"as an error of the robot. {FRAMES.placing_poses} or more poses of the plan to calibrate with (--plan) would "
+        "place it"
     )
     return RobotModel(robot, cell.tool.p_FM, nest_frame(cell), tuple(notes))
 

@@ -70,7 +70,7 @@ ClusterKeys = Annotated[
 ]
 ClusterUrl = Annotated[str, typer.Option(metavar="URL", help="by which those workers reach this service")]
 Webhook = Annotated[
-    list[str] | None, typer.Option(metavar="URL", help="told when a job ends (signed by EDBB_WEBHOOK_SECRET)")
+    list[str] | None, typer.Option(metavar="URL", help="gets a message when a job ends (signed by EDBB_WEBHOOK_SECRET)")
 ]
 WebhookPrivate = Annotated[bool, typer.Option("--webhook-private", help="webhooks may lie in private networks")]
 RootPath = Annotated[str, typer.Option(metavar="PATH", help="where a proxy has the service on its host, such as /edbb")]

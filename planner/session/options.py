@@ -37,7 +37,7 @@ class PlanOptions:
         ),
     ] = None
     fixtures: Annotated[
-        int | None, Option("fixtures in all: good places are found for those beside the first", min=1, max=6)
+        int | None, Option("fixtures in all: good places are found for those after the first", min=1, max=6)
     ] = None
     aim: Annotated[
         Aim | None, Option("poses by the index, or by the error that is left once hidden effects are traced")

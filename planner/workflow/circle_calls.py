@@ -27,7 +27,7 @@ class CircularCall(Call):
     _: KW_ONLY
     plan: Annotated[
         Path,
-        Option("the circular test that was measured, its cell.toml beside it", metavar="PLAN.json"),
+        Option("the circular test that was measured, its cell.toml next to it", metavar="PLAN.json"),
     ]
     progress: ProgressKeyword = no_progress
 

@@ -39,7 +39,7 @@ class IdentifyCall(Call):
     cell: Annotated[
         "Cell | Path | str | Sequence[Cell | Path | str] | None",
         Option(
-            f"{CELL}, once for all runs or once for each (default: the cell.toml beside the plan, or beside each run)",
+            f"{CELL}, once for all runs or once for each (default: the cell.toml next to the plan or to each run)",
             metavar="CELL",
             typed=list[str] | None,
         ),

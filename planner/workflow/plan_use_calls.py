@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExportCall(Call):
-    """Write the robot program of a plan in any dialect; the cell.toml beside the plan must be the plan's own."""
+    """Write the robot program of a plan in any dialect; the cell.toml next to the plan must be the plan's own."""
 
     verb = "export"
     line = "Write the robot program of a plan in any dialect."

@@ -55,7 +55,7 @@ def test_left_handed_axes_of_a_tracker_are_told(tmp_path):
     for turned, told in ((np.eye(3), False), (np.diag([1.0, -1.0, 1.0]), True)):
         run = Run("run.csv", Samples(q, np.zeros(40, dtype=int)), Readings(position=seen @ turned))
         if told:
-            with pytest.raises(InputError, match="the tracker's axes are left-handed. Change the sign of one"):
+            with pytest.raises(InputError, match="the tracker's axes are left-handed"):
                 locate_gauge(setup_for_run(cell, run), run)
         else:
             locate_gauge(setup_for_run(cell, run), run)

@@ -95,8 +95,8 @@ def _check_sign(curves: AveragedCurves, name: str) -> None:
         way = "pull" if force[-1] > 0 else "push"
         raise InputError(
             f"{name}: the bar at fixture '{curves.circle.name}' reads {slope * 100 / UM:+.1f} µm for each 100 N more "
-            f"of force_N, as if the arm yielded against its load (a negative compliance). The column force_N is positive where "
-            f"the bar pulls the arm to the fixture: check the sign, the log calls it a {way}"
+            f"of force_N, as if the arm yielded against its load (a negative compliance). The column force_N "
+            f"is positive where the bar pulls the arm to the fixture: check the sign, the log calls it a {way}"
         )
 
 
