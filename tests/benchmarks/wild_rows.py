@@ -27,7 +27,6 @@ from planner.identification.pipeline import identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
 from tests.blind import workspace
-from tests.golden.cases import DRAWN_WIRE
 from tests.independent_arms import runs as own_runs
 from tests.independent_arms.arm import make_arm
 from tests.independent_arms.judge import evaluation_states, model_error
@@ -89,7 +88,7 @@ def of_wires(seed: int) -> Measured:
     """The same, its lengths read by a draw wire."""
     measured = of_generator(runs.edbb_static, "abb-irb120", "edbb", seed)
     assert isinstance(measured.cell, str)
-    return replace(measured, cell=measured.cell.replace(*DRAWN_WIRE))
+    return replace(measured, cell=measured.cell.replace('kind = "edbb"', 'kind = "draw-wire"'))
 
 
 WORLDS: dict[str, Callable[[int], Measured]] = {

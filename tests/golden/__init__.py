@@ -1,1 +1,1 @@
-"""The golden record: small runs through the command line, kept and compared number by number."""
+"""The record: small runs through the command line, and a table of their quantities with units and tolerances."""

@@ -6,12 +6,14 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from planner.common.errors import PARTLY_DONE
 from planner.common.summary import SCREEN_LINES
-from tests.golden.condense import condense, short
+from tests.golden.documents import of_correction, of_files
+from tests.golden.quantity import Quantity
+from tests.golden.true_error import true_error_mm
 
 ROOT = Path(__file__).resolve().parents[2]
 QUIET = {
@@ -19,13 +21,15 @@ QUIET = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
-    "OPENBLAS_CORETYPE": "Haswell",  # the same kernels on every processor
-    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR",
     "POLARS_MAX_THREADS": "1",
     "PYTHONHASHSEED": "0",
     "COLUMNS": "200",
     "NO_COLOR": "1",
     "MPLBACKEND": "agg",
+}
+KERNELS = {  # the same on every processor, unless the environment names others
+    "OPENBLAS_CORETYPE": "Haswell",
+    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR",
 }
 
 
@@ -46,7 +50,6 @@ class Case:
     files: dict[str, str | bytes | Callable[[Path], None]]
     steps: tuple[Step, ...]
     weight: int = 10  # seconds, roughly; the longest begin first
-    own: frozenset[str] = field(default_factory=frozenset)
 
 
 def edbb(line, code=0, facts=()):
@@ -55,37 +58,51 @@ def edbb(line, code=0, facts=()):
 
 
 def run(case):
-    """Run a case in a folder of its own and return its condensed outputs and the problems met on the way."""
+    """Run a case in a folder of its own; return its quantities and the problems met on the way."""
     with tempfile.TemporaryDirectory(prefix="golden-") as name:
         folder = Path(name)
         laid = lay_files(case, folder)
-        steps, problems = [], []
+        found, problems = [], []
         for k, step in enumerate(case.steps, start=1):
             done = subprocess.run(
-                [sys.executable, "-m", "planner.cli", *step.words],
+                [sys.executable, "-m", "tests.golden.command", *step.words],
                 capture_output=True,
                 text=True,
                 cwd=folder,
-                env={**os.environ, **QUIET, "PYTHONPATH": str(ROOT)},
+                env={**KERNELS, **os.environ, **QUIET, "PYTHONPATH": str(ROOT)},
                 check=False,
             )
-            where = f"step {k} ({' '.join(step.words[:3])})"
-            if done.returncode != step.code:
-                problems.append(f"{where}: exit code {done.returncode}, not {step.code}: {done.stderr[-600:]}")
-            said = " ".join((done.stderr + " " + done.stdout).split())
-            problems += [
-                f"{where}: the message does not state '{fact}': {said[-600:]}"
-                for fact in step.facts
-                if fact not in said
-            ]
-            problems += _long_screen(where, step, done)
-            steps.append({"command": " ".join(step.words), "code": done.returncode, **_printed(step, done.stdout)})
-        files = {
-            str(p.relative_to(folder)): condense(p)
-            for p in sorted(folder.rglob("*"))
-            if p.is_file() and str(p.relative_to(folder)) not in laid
-        }
-    return {"steps": steps, "files": files}, problems
+            problems += _problems(f"step {k} ({' '.join(step.words[:3])})", step, done)
+            if done.returncode == step.code:
+                found += [replace(q, case=case.name) for q in _of_step(step, done.stdout, folder)]
+        found += of_files(case.name, folder, laid)
+    return found, problems
+
+
+def _problems(where, step, done):
+    """Say what is wrong with the exit code, with what the message states, and with the length of a screen."""
+    said = " ".join((done.stderr + " " + done.stdout).split())
+    if done.returncode != step.code:
+        return [f"{where}: exit code {done.returncode}, not {step.code}: {said[-600:]}"]
+    missing = [fact for fact in step.facts if fact not in said]
+    return [
+        *(f"{where}: the message does not state '{fact}': {said[-600:]}" for fact in missing),
+        *_long_screen(where, step, done),
+    ]
+
+
+def _of_step(step, printed, folder):
+    """Return the quantities of what a step printed, and of a calibrated robot beside the simulated truth."""
+    command, first, *_ = *step.words, ""
+    out = folder / step.words[step.words.index("-o") + 1] if "-o" in step.words else None
+    if command == "compensate" and "--json" in step.words:
+        found = of_correction(folder / first, out, json.loads(printed))
+        return [replace(q, name=f"{out.name}: {q.name}") for q in found]
+    if command == "identify" and (folder / "truth.toml").exists() and (out / "robot.toml").exists():
+        cell = folder / step.words[step.words.index("--cell") + 1]
+        error = true_error_mm(cell, folder / "truth.toml", out / "robot.toml")
+        return [Quantity("", f"{out.name}: true error of the robot that is written, rms", error, "mm", "10 %", "less")]
+    return []
 
 
 def _long_screen(where, step, done):
@@ -94,12 +111,6 @@ def _long_screen(where, step, done):
     if done.returncode not in (0, PARTLY_DONE) or step.words[0] in ("robots", "dialects") or len(lines) <= SCREEN_LINES:
         return []
     return [f"{where}: the screen has {len(lines)} lines: {lines}"]
-
-
-def _printed(step, out):
-    if "--json" in step.words and out.strip():
-        return {"json": short(json.loads(out))}
-    return {}
 
 
 def lay_files(case, folder):

@@ -9,7 +9,6 @@ from tests.golden.case import ROOT, Case, edbb
 INPUTS = Path(__file__).parent / "inputs"
 FEW = "candidates = 400\nvalidate = 2\nrepeat = 1\nrefine = false"
 ALL = ("bnr", "din66025", "krl", "linuxcnc", "pdl2", "rapid", "sinumerik")
-DRAWN_WIRE = ('kind = "edbb"', 'kind = "draw-wire"')
 
 
 def shipped(name, *changes, plan=FEW):
@@ -67,6 +66,7 @@ compliance3_urad_Nm = 1.5
 gauge_um = 1.0
 repeatability_mm = 0.01
 """
+SMALL_TRUTH = 'schema = "edbb-truth/1"\n[errors]\na2_mm = 0.8\ntheta3_deg = 0.5\n'
 BACKLASH = TRUTH + '[[effects]]\nkind = "backlash"\non = "joint 2"\nvalue = 200\nunit = "urad"\n'
 POINTS = ("[[tool.bodies]]", '[[tool.points]]\nname = "2"\nmap_mm = [-40, 20, 100]\n\n[[tool.bodies]]')
 RIVALS = {
@@ -162,7 +162,7 @@ CASES = (
         "nj130-edbb",
         {"cell.toml": shipped("comau-nj130/edbb"), "truth.toml": TRUTH},
         (
-            edbb(f"plan cell.toml -o out --poses 32 --seed 1 --json {dialects(*ALL)}"),
+            edbb(f"plan cell.toml -o out --poses 32 --seed 1 --json {dialects('bnr', 'krl')}"),
             edbb("simulate out/plan.json -o run.csv --truth truth.toml --seed 2"),
             edbb(
                 "identify run.csv --cell out/cell.toml --plan out/plan.json -o found --no-trace --hold-out 0.3 --json"
@@ -197,12 +197,12 @@ CASES = (
             edbb(f"plan cell.toml -o out --poses 34 {dialects('krl', 'rapid', 'pdl2', 'din66025')}"),
             edbb("export out/plan.json --dialect sinumerik -o p.mpf"),
             edbb("simulate out/plan.json -o run.csv --truth truth.toml --seed 3"),
-            edbb("simulate out/plan.json -o drawn.csv --seed 4"),
-            edbb("identify run.csv --cell out/cell.toml --plan out/plan.json --validate drawn.csv -o found --json"),
-            edbb("compensate out/KUKA_KR6_R700_CELL.src --model found/robot.toml --measuring -o corrected.src"),
-            edbb("compensate out/kuka_kr6_r700_cell.mod --model found/robot.toml --measuring -o corrected.mod"),
-            edbb("compensate out/kuka_kr6_r700_cell.pdl --model found/robot.toml --measuring -o corrected.pdl"),
-            edbb("compensate out/kuka_kr6_r700_cell.nc --model found/robot.toml --measuring -o corrected.nc"),
+            edbb("simulate out/plan.json -o again.csv --truth truth.toml --seed 4"),
+            edbb("identify run.csv --cell out/cell.toml --plan out/plan.json --validate again.csv -o found --json"),
+            edbb("compensate out/KUKA_KR6_R700_CELL.src --model found/robot.toml --measuring -o corrected.src --json"),
+            edbb("compensate out/kuka_kr6_r700_cell.mod --model found/robot.toml --measuring -o corrected.mod --json"),
+            edbb("compensate out/kuka_kr6_r700_cell.pdl --model found/robot.toml --measuring -o corrected.pdl --json"),
+            edbb("compensate out/kuka_kr6_r700_cell.nc --model found/robot.toml --measuring -o corrected.nc --json"),
         ),
         50,
     ),
@@ -211,10 +211,10 @@ CASES = (
         {**FITTED, "move.src": MOVE, **given("bar.csv", "part.src", "part.mod", "targets.csv")},
         (
             edbb("identify bar.csv --cell cell.toml -o found --json"),
-            edbb("compensate part.src --model found/robot.toml -o part_corrected.src"),
+            edbb("compensate part.src --model found/robot.toml -o part_corrected.src --json"),
             edbb("compensate move.src --model found/robot.toml -o move_corrected.src", 2, ("move.src:2", "PTP_REL")),
-            edbb("compensate part.mod --model found/robot.toml -o part_corrected.mod"),
-            edbb("compensate targets.csv --model found/robot.toml --cell cell.toml -o targets_corrected.csv"),
+            edbb("compensate part.mod --model found/robot.toml -o part_corrected.mod --json"),
+            edbb("compensate targets.csv --model found/robot.toml --cell cell.toml -o targets_corrected.csv --json"),
         ),
         60,
     ),
@@ -223,12 +223,6 @@ CASES = (
         {**FITTED, "identification.json": json.dumps(RIVALS)},
         (edbb("plan cell.toml -o out --poses 36 --separate identification.json --dialect pdl2"),),
         60,
-    ),
-    Case(
-        "kr6-aim-tracing",
-        {"cell.toml": BAR},
-        (edbb("plan cell.toml -o out --poses 34 --aim tracing --dialect krl"),),
-        40,
     ),
     Case(
         "kr6-fixtures",
@@ -240,9 +234,13 @@ CASES = (
         60,
     ),
     Case(
-        "kr6-draw-wire",
-        {"cell.toml": shipped("kuka-kr6-r700/edbb", DRAWN_WIRE)},
-        (edbb("plan cell.toml -o out --poses 34 --dialect krl"),),
+        "so101-wire",
+        {"cell.toml": shipped("so101/wire", plan=FEW.replace("400", "4000")), "truth.toml": SMALL_TRUTH},
+        (
+            edbb("plan cell.toml -o out --poses 30"),
+            edbb("simulate out/plan.json -o run.csv --truth truth.toml"),
+            edbb("identify run.csv --cell out/cell.toml --plan out/plan.json -o found --no-trace"),
+        ),
         40,
     ),
     Case(
@@ -264,9 +262,9 @@ CASES = (
         50,
     ),
     Case(
-        "ur5e-camera",
+        "ur5e-sockets",
         {
-            "cell.toml": shipped("ur5e/camera", plan="candidates = 300\nvalidate = 2\nrepeat = 1\nrefine = false"),
+            "cell.toml": shipped("ur5e/sockets", plan="candidates = 3000\nvalidate = 2\nrepeat = 1\nrefine = false"),
             "truth.toml": TRUTH,
         },
         (
@@ -308,7 +306,7 @@ CASES = (
         "ur10-two-points",
         {"cell.toml": shipped("ur10/edbb", POINTS, plan=FEW.replace("400", "1600")), "truth.toml": TRUTH},
         (
-            edbb("plan cell.toml -o out --poses 38 --dialect sinumerik --dialect linuxcnc"),
+            edbb("plan cell.toml -o out --poses 38 --aim tracing --dialect sinumerik --dialect linuxcnc"),
             edbb("simulate out/plan.json -o run.csv --truth truth.toml"),
             edbb("identify run.csv --cell out/cell.toml --plan out/plan.json -o found --no-trace"),
         ),

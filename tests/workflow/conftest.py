@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 
 import planner.design.pose_selection as pose_selection
-import planner.report.cell_view_print as cell_view_print
-import planner.report.matplotlib_backend as matplotlib_backend
 from planner.cell.reading import load_cell
 from tests.command import edbb
 
@@ -45,8 +43,6 @@ def planned(name, folder, poses, *dialects, changes=()):
     words = [w for d in dialects for w in ("--dialect", d)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pose_selection, "SHOWN_SIZES", (POSES, 60))  # the curve is only shown
-        patch.setattr(matplotlib_backend, "chart_png", lambda chart, small: b"drawn in tests/report")
-        patch.setattr(cell_view_print, "view_png", lambda view: b"drawn in tests/report")
         done = edbb("plan", path, "-o", folder / "out", "--poses", poses, "--json", *words)
     assert done.returncode == 0, done.stderr
     plan = json.loads((folder / "out" / "plan.json").read_text())
@@ -63,6 +59,6 @@ def resting(tmp_path_factory):
     return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), POSES, "krl", "sinumerik", changes=FEWER)
 
 
-@pytest.fixture(params=["moving", "resting"])
+@pytest.fixture(params=["moving", pytest.param("resting", marks=pytest.mark.long)])
 def either(request):
     return request.getfixturevalue(request.param)

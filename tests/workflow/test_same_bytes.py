@@ -1,0 +1,22 @@
+"""Same input, same seed, same bytes: in another process, on any number of threads, whatever order a set has."""
+
+import shutil
+
+from tests.command import edbb
+from tests.golden.case import lay_files
+from tests.golden.cases import CASES
+
+
+def test_a_calibration_is_the_same_on_one_thread_and_on_two(tmp_path):
+    (case,) = (c for c in CASES if c.name == "irb120-ball-socket")
+    (step,) = case.steps
+    written = []
+    for threads in ("1", "2"):
+        lay_files(case, tmp_path)
+        done = edbb(*step.words, threads=threads, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        files = (p for p in (tmp_path / "found").rglob("*") if p.is_file())
+        written.append({str(p.relative_to(tmp_path)): p.read_bytes() for p in files})
+        shutil.rmtree(tmp_path / "found")
+    assert len(written[0]) > 3
+    assert written[0] == written[1]
