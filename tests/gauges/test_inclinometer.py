@@ -32,6 +32,7 @@ from planner.workflow.fit_overview import fit_overview
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan_cell
 from tests.gauges.inclinometer import InclineReadings, Inclinometer
+from tests.identification.few_draws import few_draws
 
 SHIPPED = load_cell("comau-nj130/edbb").path.read_text()
 GAUGE = '[gauge]\nkind = "inclinometer"\nnoise_mdeg = 1\n\n'
@@ -114,6 +115,7 @@ def test_a_bars_run_is_refused_in_its_cell(cell, run):
         bar.gauge.check_run(bar, run)
 
 
+@few_draws()
 def test_a_simulated_run_is_identified(cell, run):
     """Joint angles come back from angles alone; what is left is the noise, in mrad. The cell has no place of a bar."""
     bare = cell_of(read_toml(cell.path, CellFile), cell.path, "level", planning=False)

@@ -89,7 +89,7 @@ def test_the_joint_fit_is_the_stacked_least_squares(tmp_path, other):
         assert np.sqrt((apart**2).mean()) < 0.5  # of a standard deviation: noise is estimated there, and known here
 
 
-@pytest.mark.parametrize("other", ["bar", "wire"])
+@pytest.mark.parametrize("other", ["bar", pytest.param("wire", marks=pytest.mark.long)])
 def test_a_joint_that_jumps_between_two_sessions_is_named(tmp_path, other):
     world = World.drawn(1)
     runs = [
@@ -106,7 +106,7 @@ def test_a_joint_that_jumps_between_two_sessions_is_named(tmp_path, other):
     assert len(found.findings) == 1
 
 
-@pytest.mark.parametrize("other", ["bar", "wire"])
+@pytest.mark.parametrize("other", ["bar", pytest.param("wire", marks=pytest.mark.long)])
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 4))])
 def test_nothing_is_named_where_nothing_jumped(tmp_path, other, seed):
     world = World.drawn(seed)

@@ -11,7 +11,7 @@ from planner.kinematics.xacro.expander import expand_template
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 SECRET = "the-secret-of-another-folder"
-MOST_SECONDS = 20.0  # on a busy machine; most take milliseconds
+MOST_SECONDS = 20.0  # of the processor, however busy the machine is; most take milliseconds
 X = "xacro:"
 
 EXPRESSIONS = {
@@ -156,10 +156,10 @@ def arm(tmp_path):
 
 
 def refused(path):
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(InputError) as refusal:
         expand_template(path, Packages({"arm": path.parent}))
-    assert time.perf_counter() - began < MOST_SECONDS
+    assert time.process_time() - began < MOST_SECONDS
     assert SECRET not in str(refusal.value)
     assert "root:" not in str(refusal.value)
     assert str(refusal.value).startswith(str(path))
@@ -184,10 +184,10 @@ def test_nothing_outside_is_read_and_nothing_grows_without_end(arm, content):
 def test_documents_declare_no_entities(arm, document, name):
     path = arm.with_name(name)
     path.write_text(document)
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(InputError, match=r"arm\.(xacro|urdf): "):
         load_robot(path)
-    assert time.perf_counter() - began < MOST_SECONDS
+    assert time.process_time() - began < MOST_SECONDS
 
 
 def test_a_package_is_a_folder_with_a_plain_name(tmp_path):

@@ -3,12 +3,14 @@
 import re
 
 import numpy as np
+import pytest
 
 from planner.runs.loader import load_runs
 from tests.command import edbb
 from tests.workflow.conftest import POSES
 
 
+@pytest.mark.long
 def test_the_log_of_a_plans_krl_program_is_its_run(resting, tmp_path):
     (dat,) = resting.folder.glob("*.dat")
     q = {p["id"]: np.array(p["q_deg"]) for p in resting.plan["poses"]}

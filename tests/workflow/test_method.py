@@ -23,16 +23,8 @@ FEW = (("candidates = 3000", "candidates = 250"), ("validate = 4", "validate = 2
 @pytest.fixture(scope="module")
 def pruned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pruned")
-<<<<<<< HEAD
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(matplotlib_backend, "chart_png", lambda chart, small: b"drawn in tests/report")
-        patch.setattr(cell_view_print, "view_png", lambda view: b"drawn in tests/report")
-        path = small_cell("comau-nj130/paper", folder, *FEW)
-        done = edbb("plan", path, "--as-published", "--poses", 30, "-o", folder / "out")
-=======
     path = small_cell("comau-nj130/paper", folder, *FEW)
-    done = edbb("plan", path, "--method", "pruning", "--poses", 30, "-o", folder / "out")
->>>>>>> 041130fc (The record is a table of quantities with units and tolerances)
+    done = edbb("plan", path, "--as-published", "--poses", 30, "-o", folder / "out")
     assert done.returncode == 0, done.stderr
     return path, folder / "out", done.stdout + done.screen
 

@@ -49,11 +49,9 @@ def test_dropped_bytes_do_no_harm(cell):
 def test_a_silent_indicator(cell):
     made = cell()
     made.terminals[1].silent = True
-    begun = time.monotonic()
     with pytest.raises(SilentError, match=f"{made.ports[1]}.*asked 4 times and said nothing within 0.2 s") as caught:
         made.run(settings(head={"timeout_s": 0.2}))
     assert isinstance(caught.value, NoSolutionError)
-    assert time.monotonic() - begun < 5.0
     assert made.controller.values["EDBB_STOP"] is True
 
 

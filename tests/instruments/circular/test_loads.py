@@ -13,6 +13,7 @@ from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
 from tests.instruments.circular.conftest import quiet
 
+pytestmark = pytest.mark.long  # a whole plan
 CIRCLE = """
 [[circles]]
 centre_mm = [1350, -125, 1250]
