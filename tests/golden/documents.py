@@ -52,7 +52,8 @@ def _index(name: str) -> Callable[[Document], float | None]:
 
 
 def _fixtures(d: Document) -> float | None:
-    return len({p["fixture"] for p in d["poses"]}) if "poses" in d else None
+    named = {p["fixture"] for p in d.get("poses", ()) if "fixture" in p}
+    return len(named) or None
 
 
 PLAN = (
