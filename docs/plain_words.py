@@ -21,6 +21,13 @@ BANNED = (
 """Turns that have a plain word in their place; whole words, small letters."""
 BANNED_ON_PAGES = ("beside", r"held(?![ -]out)", "told", "for which that holds", "whom nobody")
 """Further ones, which pages do not have; "held out" is a term of the field."""
+OTHER_WORDS = {
+    "error source": "cause", "joint offset": "zero", "measurement pose": "pose", "measuring pose": "pose",
+    "calibration pose": "pose", "tool centre point": "tool point", "tcp": "tool point", "ballbar": "ball bar",
+    "leg": "segment", "mounting pose": "mount pose", "stiffness": "compliance", "sigma level": "standard deviation",
+    "working space": "workspace", "work space": "workspace", "hold-out": "held out", "confidence": "probability",
+}  # fmt: skip
+"""Words that somebody else may use for a thing, with the glossary's own word; titles and code may have them."""
 CODE = re.compile(r"^ *```.*?^ *```$|<!--.*?-->", re.MULTILINE | re.DOTALL)
 ABBREVIATIONS = re.compile(r"\b(e\.g|i\.e|et al|cf|vs|Nos?|Dr|St|[A-Z])\.")
 
@@ -96,11 +103,22 @@ def program_texts(path: Path) -> Iterator[tuple[int, str]]:
             yield node.lineno, text
 
 
+def template_sentences(text: str) -> Iterator[str]:
+    """Yield the sentences of a template of a page: what stands between its tags."""
+    text = re.sub(r"<(script|style).*?</\1>|\{#.*?#\}|\{%.*?%\}", "\n", text, flags=re.DOTALL)
+    for part in re.split(r"<[^>]*>|\n", re.sub(r"\{\{.*?\}\}", "X", text, flags=re.DOTALL)):
+        yield from split_sentences(part)
+
+
 def find_faults(place: str, sentences: Iterator[str], banned: tuple[str, ...] = BANNED) -> Iterator[Fault]:
     """Yield the faults of sentences."""
     for sentence in sentences:
         if (count := count_words(sentence)) > MOST_WORDS:
             yield Fault(place, f"{count} words", sentence)
+        others = OTHER_WORDS if banned is not BANNED and "bibliography" not in place else {}
+        for word, own in others.items():
+            if re.search(rf"\b{word}s?\b", sentence.lower()):
+                yield Fault(place, f"'{word}': the glossary calls it '{own}'", sentence)
         for turn in banned:
             if re.search(rf"\b{turn}\b", sentence.lower()):
                 yield Fault(place, f"'{turn.partition('(')[0]}'", sentence)
@@ -128,10 +146,22 @@ def program_faults(path: Path) -> list[Fault]:
     return [f for line, text in program_texts(path) for f in find_faults(f"{name}:{line}", split_sentences(text))]
 
 
+def template_faults(path: Path) -> list[Fault]:
+    """Return the faults of a template."""
+    name = path.resolve().relative_to(ROOT).as_posix()
+    return list(find_faults(name, template_sentences(path.read_text(encoding="utf-8"))))
+
+
+def templates() -> list[Path]:
+    """Return the templates of pages and reports."""
+    return sorted((ROOT / "planner").rglob("*.html.j2"))
+
+
 def main() -> None:
     """List the faults of the files that are named, or of all."""
-    named = [Path(word) for word in sys.argv[1:]] or [*pages(), *modules()]
-    faults = [f for p in named for f in (page_faults(p) if p.suffix == ".md" else program_faults(p))]
+    named = [Path(word) for word in sys.argv[1:]] or [*pages(), *modules(), *templates()]
+    readers = {".md": page_faults, ".py": program_faults, ".j2": template_faults}
+    faults = [f for p in named for f in readers[p.suffix](p)]
     print("\n".join(map(str, faults)))
     print(f"{len(faults)} faults")
 

@@ -59,10 +59,20 @@ def declare_command(
     return command
 
 
+def complete_cell(incomplete: str) -> list[str]:
+    """Return the shipped cells that begin with what is typed so far."""
+    from planner.common.files import data_folder  # the help is quicker without
+
+    cells = (f"{p.parent.parent.name}/{p.stem}" for p in data_folder("robots").glob("*/cells/*.toml"))
+    return sorted(c for c in cells if c.startswith(incomplete))
+
+
 def _parameter(field: CallField) -> Parameter:
     """Return a field as the library of the command line knows it; of a list nothing stands where nothing is typed."""
     option = field.option
     how: dict[str, Any] = {"help": option.help, "metavar": option.metavar, "min": option.min, "max": option.max}
+    if option.metavar == "CELL":
+        how["autocompletion"] = complete_cell
     note = typer.Argument(**how) if option.is_word else typer.Option(field.flag, **how)
     default = Parameter.empty if field.is_required else None if field.default == () else field.default
     kind: Any = field.kind if option.typed is None else option.typed

@@ -50,7 +50,7 @@ def _unknown_tools(targets: Sequence[Target]) -> Iterator[str]:
         yield (
             f"warning: joint targets on {number_of(len(lines), 'line')} ({line_ranges(lines)}) are of a tool that the "
             f"files do not hold ({names}): the error stated is that of the measured tool alone, of another one it is "
-            "not known; --tool X,Y,Z,A,B,C names it, --tool model says that it is the measured one"
+            "not known. --tool X,Y,Z,A,B,C names it, --tool model says that it is the measured one"
         )
 
 

@@ -205,8 +205,8 @@ class Baseline:
         path = folder / NAME
         if not path.is_file():
             raise InputError(
-                f"{path} is missing: a baseline is the folder that 'edbb identify' writes for a cell that gives the "
-                "tool point (and a bar's fixtures), where the posterior came to rest. Identify the run again"
+                f"{path} is missing: a baseline is the folder that 'edbb identify' writes. The cell must give the tool "
+                "point (and a bar's fixtures), and the posterior must have converged. Identify the run again"
             )
         file = _read_file(path)
         if not is_model_of(folder / "robot.toml", file.robot_sha256):

@@ -257,6 +257,6 @@ def tool_point_advice(released: ReleasedRobot) -> list[str]:
     return [
         f"the robot's own tool ({x}, {y}, {z} mm) is known to {there / MM:.3f} mm, the measured point to "
         f"{here / MM:.3f} mm: most of that is what one tool point cannot tell from where its own ball sits on the "
-        "flange. A second point in the same session tells it ([[tool.points]], 100 mm or more from the first and not "
-        "on one line with it and the flange's axis)"
+        "flange. A second point in the same session tells it ([[tool.points]]): 100 mm or more from the first, and "
+        "not on one line with it and the flange's axis"
     ]

@@ -213,8 +213,8 @@ def stage_chart(facts: CalibrationFacts) -> Chart:
     rest, unit = max(40, 150 - 26 * len(names)), facts.calibration.reading_unit
     panel = list_panel("", f"rms error ({unit}, logarithmic)", names, series, rest=rest, log_x=True)
     caption = (
-        "From top to bottom the model grows by one effect at a time, in the order in which the search found them; what "
-        "counts is the held-out error."
+        "From top to bottom the model grows by one effect at a time, in the order in which the search found them. The "
+        "held-out error counts."
     )
     return Chart("by_stage", "The error stage by stage", caption, (panel,))
 

@@ -21,9 +21,9 @@ def separation_text(separation: Discrimination) -> str:
     """Say what the table of findings and rivals shows, and how far it is proven."""
     proof = "proven" if separation.verified else "not proven"
     return (
-        "Noncentrality: what is left of an effect's readings, as a sum of squares in noise variances "
-        f"({separation.noise * 1e6:.3g} µm, as the identification left it), when its rival explains what it can; "
-        "the less sure of either being the truth. Power: the chance that the run then speaks a hundred to one for the "
+        "Noncentrality: what is left of an effect's readings when its rival explains what it can. It is a sum of "
+        f"squares in noise variances ({separation.noise * 1e6:.3g} µm), of the less sure of the two. "
+        "Power: the chance that the run then speaks a hundred to one for the "
         f"truth. No {separation.poses} candidates weigh all of this more than "
         f"{percent_text(max(separation.gap, 0.0))} better ({proof})."
     )

@@ -44,8 +44,8 @@ def _chart(facts: CalibrationFacts, found: ErrorHistory) -> Chart:
     points = Panel("", label, "more error without it (%)", (worth, most), y_range=(0.0, 1.15 * float(share.max())))
     said = ", ".join(names[k] for k in sorted(best.tolist()))
     caption = (
-        "The error over the workspace that was to be expected after each reading, with the sizes of all errors as the "
-        f"whole run has taught them; it ends at the stated {digits(float(error[-1]))} mm. Below it, by how much the "
+        "The expected error over the workspace after each reading, with the sizes of all errors from the whole run. "
+        f"It ends at the stated {digits(float(error[-1]))} mm. Below it, by how much the "
         f"mean square error would be larger without each pose. Worth most: {said}."
     )
     return Chart("history", "What the poses were worth", caption, (curve, points))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from planner.cli.app import GREETING
+from planner.cli.declared import complete_cell
 from planner.cli.default_output import file_of, new_file, new_folder, new_folder_of_files
 from planner.common.errors import did_you_mean
 from planner.workflow import checking
@@ -101,6 +102,12 @@ def test_the_shell_completes_commands_and_options():
     asked = {"_PYTHON _M PLANNER.CLI_COMPLETE": "complete_bash"}
     done = edbb(cwd=".", COMP_WORDS="edbb plan --ti", COMP_CWORD="2", **asked)
     assert done.stdout.split() == ["--time-limit-s"]
+
+
+def test_the_shell_completes_cells():
+    assert complete_cell("ur10") == ["ur10/edbb"]
+    assert complete_cell("kuka") == [f"kuka-kr6-r700/{gauge}" for gauge in ("edbb", "tracker", "trical")]
+    assert complete_cell("/tmp/mine") == []
 
 
 @pytest.mark.parametrize(

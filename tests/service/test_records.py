@@ -40,9 +40,9 @@ def fill(folder):
     """Jobs as they end: a calibration, the plan of a check, a check of the sound robot, one after an axis slipped."""
     store, plan = Store(folder), "d" * 24
     finish(store, CALIBRATED, "identification", {"plan": "e" * 24}, "identification.json", calibration(0.01), IDENTIFY)
-    finish(store, plan, "check-plan", {"identification": CALIBRATED, "poses": 10}, "plan.json", {})
+    finish(store, plan, "check-plan", {"model": CALIBRATED, "poses": 10}, "plan.json", {})
     for id, verdict in ((SOUND, judged()), (CHANGED, judged(theta3=0.03 * DEG))):
-        finish(store, id, "check", {"check_plan": plan}, "check.json", verdict_content(verdict, NAME))
+        finish(store, id, "check", {"plan": plan}, "check.json", verdict_content(verdict, NAME))
     drawn = calibration(0.02) | {"simulated": True}
     finish(store, SIMULATED, "identification", {"simulation": plan}, "identification.json", drawn, IDENTIFY)
 

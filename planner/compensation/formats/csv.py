@@ -104,9 +104,9 @@ class _TargetColumns:
         extra = [name for name in header if re.fullmatch(r"q\d+_(deg|rad|mm|m)", name)]
         if not self.joints or len(extra) != n:
             raise InputError(
-                f"{where}: found the columns {', '.join(header)}; a table of targets for {reading.robot.title} has "
-                f"{_describe_columns(reading.robot)}; for poses also x_mm, y_mm, z_mm and a_deg, b_deg, c_deg "
-                "(Z-Y'-X\" angles) or qw, qx, qy, qz, the joint angles then being where the search starts"
+                f"{where}: found the columns {', '.join(header)}. A table of targets for {reading.robot.title} has "
+                f"{_describe_columns(reading.robot)}. For poses also x_mm, y_mm, z_mm and a_deg, b_deg, c_deg "
+                "(Z-Y'-X\" angles) or qw, qx, qy, qz: the joint angles then being where the search starts"
             )
 
 

@@ -54,9 +54,9 @@ def _doubt_frames(lines: Sequence[int], off: Array, turn: Array, reading: Target
         reading.notes.append(
             (
                 lines[int(far[0])],
-                f"by the tool and the base that are named {far.size} of {len(lines)} poses are up to "
-                f"{off.max() / MM:.0f} mm and {turn.max() / DEG:.0f}° from where the arm stands at the joint angles "
-                "beside them: are they right (mm and degrees), and are the angles those of these poses?",
+                f"by this tool and base {far.size} of {len(lines)} poses are up to {off.max() / MM:.0f} mm and "
+                f"{turn.max() / DEG:.0f}° from where the arm stands at the joint angles next to them: are "
+                "they right (mm and degrees), and are the angles those of these poses?",
             )
         )
 

@@ -36,9 +36,9 @@ _PUT_TOGETHER = "put both halves of the module into one folder, they are correct
 _PLAIN = "plain numbers are allowed"
 _WHERE_IT_STANDS = ("$AXIS_ACT", "$POS_ACT")  # a move to it moves nothing
 _HINT = (
-    ": say it by $TOOL, $BASE, BAS (#TOOL,n), BAS (#BASE,n) before the move (outside of IF and loops), give the "
-    "controller's $config.dat for numbered frames (--frames), or name them yourself (--tool, --base) where no line of "
-    "the file says any"
+    ": say it by $TOOL, $BASE, BAS (#TOOL,n), BAS (#BASE,n) before the move (outside of IF and loops). For "
+    "numbered frames give the controller's $config.dat (--frames). If no line of the file says any, name them "
+    "yourself (--tool, --base)"
 )
 _UNSEEN = "no move of the files drives to {}: tool and base are taken to be those that it was taught with"
 Numbers = dict[str, st.PlacedNumber]

@@ -168,7 +168,7 @@ def _sense(travel: Array, session: np.ndarray) -> np.ndarray:
 def _on_grid(run: Run, circle: DrivenCircle, loads: Array, turns: list[Turn]) -> AveragedCurves:
     if not turns:
         raise InputError(
-            f"{run.name}: no whole turn at one load was driven at fixture '{circle.name}'; a circle needs 360 degrees "
+            f"{run.name}: no whole turn at one load was driven at fixture '{circle.name}'. A circle needs 360 degrees "
             "and more in one go, better with 180 degrees of overshoot at either end"
         )
     bins = min(SAMPLES.finest_grid, min(len(t.rows) for t in turns) // SAMPLES.samples_an_angle)

@@ -29,7 +29,7 @@ def loaded_sentences(circles: Sequence[EvaluatedCircle], found: JointCompliances
         deflection = np.abs(c.curves.deflection[:, -1])
         out.append(
             f"At {name} the arm yields by {deflection.min() / UM:.0f} to {deflection.max() / UM:.0f} µm along the bar "
-            f"between {abs(loads[0]):.0f} and {abs(loads[-1]):.0f} N; without that the loads' curves agree within "
+            f"between {abs(loads[0]):.0f} and {abs(loads[-1]):.0f} N. Without that the loads' curves agree within "
             f"{c.spread / UM:.0f} µm ({c.bent / UM:.0f} µm if the yielding at each angle may be any straight line)."
         )
         out.append(
