@@ -59,7 +59,7 @@ class Chain:
         told = self._run(words)
         if told.returncode not in ENDS:
             raise ChainError(f"{' && '.join(self.done)}\nexit code {told.returncode}: {told.stderr}")
-        self.named += [words for words in commands_in(told.stderr) if words not in self.named]
+        self.named += [words for words in commands_in(told.stdout + told.stderr) if words not in self.named]
 
     def _run(self, words):
         left = min(LONGEST_S, self.until - time.monotonic())

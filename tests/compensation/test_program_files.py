@@ -49,7 +49,7 @@ def test_both_halves_of_a_module_are_corrected_whichever_is_named(named, kuka, m
         before, after = ((folder / name).read_text().splitlines() for folder in (tmp_path, tmp_path / "out"))
         assert sum(row not in after for row in before) == lines
         assert any("edbb-compensated" in row for row in after)
-    assert re.search(r"next +load .*pick\.", done.stderr)
+    assert re.search(r"next +load .*pick\.", done.screen)
 
 
 @pytest.mark.parametrize(

@@ -74,8 +74,7 @@ def test_a_simulated_run_is_evaluated(folder, browser):
     assert (folder / "found" / "pictures" / "polar_1.png").stat().st_size > 10_000
     assert browser.check_report(folder / "found" / "report.html") == ["polar_1", "radial_1"]  # circular.html.j2
     said = edbb("circular", run, "--plan", plan, "-o", folder / "found")
-    assert "G(b)" in said.screen
-    assert said.stdout == ""
+    assert "G(b)" in said.stdout
 
 
 def test_a_plan_without_its_cell_is_refused(folder, tmp_path):
