@@ -176,7 +176,7 @@ app = typer.Typer(
 
 
 GREETING = """\
-edbb plans a measurement that calibrates your robot. It finds how far the robot is off, and why, and corrects programs.
+Plans a measurement that calibrates your robot, finds how far the robot is off and why, and corrects its programs.
 Try the whole chain without a robot:  edbb demo
 See all commands:                     edbb -h"""
 
