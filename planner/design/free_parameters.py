@@ -9,15 +9,22 @@ from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import UM, Array, to_mm
-from planner.design.assumptions import HIGHEST_GEAR_WAVE, POSES_OF_AN_OPEN_PLAN, UNKNOWN_PRIOR, UNMEASURED_TOOL_PRIOR
+from planner.design.assumptions import (
+    HIGHEST_GEAR_WAVE,
+    POSES_OF_AN_OPEN_PLAN,
+    TYPICAL_SHARE,
+    UNKNOWN_PRIOR,
+    UNMEASURED_TOOL_PRIOR,
+)
 from planner.design.expected_errors import EVERYWHERE
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, explain_direction
 from planner.design.observability.information import predict_covariance
-from planner.effects.catalogue import catalogue
+from planner.effects.catalogue import Excitation, catalogue
 from planner.effects.compliance import JOINT_COMPLIANCE, compliance_parameters
 from planner.effects.effect import Parameter
 from planner.effects.nonparametric import gear_curve
 from planner.effects.sizes import GEAR_CURVE_SIZE
+from planner.effects.usual_errors import usual_errors
 from planner.kinematics.robot import Robot
 from planner.model.model import Model
 from planner.model.tool_error import ToolError, uniform_states
@@ -246,7 +253,12 @@ def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
     ]
     declared = set(base.names)
     soft = compliance_parameters(base.setup) if base.setup.weighs else []
-    model = base.plus([*gears, *(p for p in soft if p.name not in declared)])
+    usual = [
+        replace(p, prior=p.prior * TYPICAL_SHARE * cell.robot.priors.factor(name), group=name)
+        for name, own in usual_errors(Excitation.of(base.setup, samples))
+        for p in own
+    ]
+    model = base.plus([*gears, *(p for p in soft if p.name not in declared), *usual])
     prior = np.where(np.isfinite(model.prior), model.prior, UNKNOWN_PRIOR)
     effects = [p for p in model.parameters if p.is_effect]
     weight = ToolError.of(cell, effects).weight(model.names)

@@ -20,4 +20,5 @@ __all__ = [
     "sessions",
     "sizes",
     "steps",
+    "usual_errors",
 ]

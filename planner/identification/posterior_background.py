@@ -24,6 +24,7 @@ from planner.effects.misfit_shapes import misfit_shapes
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
 from planner.effects.phi_keys import belongs_to_gauge, is_static
 from planner.effects.sizes import GEAR_WAVE
+from planner.effects.usual_errors import usual_errors
 from planner.identification.assumptions import FIRST_HARMONIC, FIRST_PULL
 from planner.model.model import Model
 from planner.runs.run import Samples
@@ -46,6 +47,7 @@ class EffectFamily:
         common: whether most arms have it, whatever else they have.
         unnamed: whether it is what the catalogue has no name for.
         certain: whether it always acts, and the run says how much.
+        usual: whether every robot has it, some a little and few much, be it seen or not.
     """
 
     name: str
@@ -54,6 +56,7 @@ class EffectFamily:
     common: bool = False
     unnamed: bool = False
     certain: bool = False
+    usual: bool = False
 
 
 def acts_on_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:
@@ -82,6 +85,8 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
     run = Excitation.of(setup, samples)
     for name, shapes in gauge_shapes(run):
         out[name] = list(shapes)
+    usual = dict(usual_errors(run))
+    out |= {name: list(own) for name, own in usual.items()}
     unnamed = {f"{UNNAMED}, {name}": list(p) for name, p in (*misfit_shapes(run), *drift_shapes(run))}
     return tuple(
         EffectFamily(
@@ -92,6 +97,7 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
             name in unnamed,
             # a line of sight is read across as well: what it errs by does not go into the arm unseen
             certain=name in (GAUGE_SHAPE, GAUGE_HANGING) and setup.gauge.width == 1,
+            usual=name in usual,
         )
         for name, own in (out | unnamed).items()
     )

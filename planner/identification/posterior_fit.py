@@ -14,7 +14,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Parameter
-from planner.effects.sizes import LINK_MASS
+from planner.effects.sizes import LINK_MASS, USUAL_SPREAD
 from planner.effects.steps import SLIP
 from planner.identification.assumptions import LOG_NOISE_SIGMA, STANDING_PROBABILITY, UNKNOWN_PRIOR
 from planner.identification.cross_validation import Split, predict_held_out
@@ -38,6 +38,8 @@ FINDING = float(np.exp(-6.0))  # probability of a finding: it is one of some hun
 RARE, COMMON, UNNAMED = 1, 2, 3  # pools: few of many acts; joints and links that yield, of which most arms have some
 SLAB: Array = 0.1 * 2.0 ** np.arange(7, dtype=float)  # factors of a family that acts; weights normal in the log
 SLAB_WEIGHT: Array = np.exp(-0.5 * (np.log(SLAB) + 1.0) ** 2)  # normal in the log about 1/e, its sigma 1
+USUAL: Array = 2.0 ** np.arange(-6, 4, dtype=float)  # of a family that every robot has in some size
+USUAL_WEIGHT: Array = np.exp(-0.5 * ((np.log(USUAL) - USUAL_SPREAD[0]) / USUAL_SPREAD[1]) ** 2)
 OWN: Array = np.exp(np.linspace(-2.0, 2.0, 9))  # the same of geometry and of findings
 OWN_WEIGHT: Array = np.exp(-0.5 * np.log(OWN) ** 2)  # normal in the log about 1, its sigma 1
 
@@ -252,8 +254,9 @@ class _Families:
         findings = tuple(dict.fromkeys(p.group for p in before.parameters if label[p.name] == p.group))
         parameters, rest = dict(own), dict[str, str]()
         same = {p.moves: p.name for p in own.values()}
-        # findings that stand for a family of the background; what is common; what has no name; what always acts
-        usual, common, unnamed, certain = set[str](), set[str](), set[str](), set[str]()
+        # findings that stand for a family of the background; what is common; what has no name; what always acts, of the
+        # gauge and of the robot
+        usual, common, unnamed, certain, ever = set[str](), set[str](), set[str](), set[str](), set[str]()
         for family in background:
             for p in family.parameters:
                 if p.name in parameters or p.moves in same:
@@ -265,6 +268,7 @@ class _Families:
                 common |= {name} if family.common else set()
                 unnamed |= {name} if family.unnamed else set()
                 certain |= {name} if family.certain else set()
+                ever |= {name} if family.usual else set()
         names = tuple(dict.fromkeys(v for v in (*label.values(), *rest.values()) if v))
         behind = set(rest.values())
         number = {name: k for k, name in enumerate(names)} | {"": -1}
@@ -276,6 +280,7 @@ class _Families:
         kinds = dict.fromkeys(findings, found) | dict.fromkeys(usual, slab)
         kinds |= dict.fromkeys(common & usual, often) | dict.fromkeys(unnamed, foreign)
         kinds |= dict.fromkeys(certain, _spike_and_slab(SLAB, SLAB_WEIGHT, 1.0))
+        kinds |= dict.fromkeys(ever, _spike_and_slab(USUAL, USUAL_WEIGHT, 1.0))
         priors = tuple(kinds.get(n, plain) for n in names)
         start = np.array([0.0 if n in behind else 1.0 for n in names])
         return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start)

@@ -35,6 +35,7 @@ from planner.identification.posterior_background import EffectFamily, background
 from planner.identification.posterior_fit import PosteriorFit, draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, drift_of, tool_maps
 from planner.identification.stages import FitContext, FittedStage
+from planner.identification.unseen_errors import unseen_errors
 from planner.identification.wild_rows import unseen_weights
 from planner.model.identification_document import Metrics, Release, WorkToolError
 from planner.model.model import Model
@@ -231,6 +232,7 @@ def describe_release(released: ReleasedRobot) -> Release:
         work_tool=None if work is None else _describe_work_tool(released, work),
         families=posterior.families,
         parts=parts,
+        not_shown=unseen_errors(released),
         misfit_place=open_misfit_place(released, parts),
         unexplained=misfit_place(released),
     )

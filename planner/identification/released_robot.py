@@ -247,6 +247,15 @@ class ReleasedRobot:
         """What that error stays below with a probability of 95 % [m]."""
         return float(np.quantile(self.drawn_errors(self.fit), 0.95))
 
+    def limit_without(self, names: Sequence[str]) -> float:
+        """Return what it would stay below with a probability of 95 %, were the values of some parameters known [m]."""
+        where, mean = self.tool, self.posterior.fit.model.names
+        off = pick_rows(self.drawn_offsets, mean, where.names) - self.offset(where.names, self.fit)[:, None]
+        off[[n in names for n in where.names]] = 0.0
+        square = np.einsum("pn,pn->n", off, where.gram @ off) / len(where.q)
+        beside = POSITION_AXES * self.misfit.rest**2 + self.drift**2
+        return float(np.sqrt(np.quantile(np.maximum(square, 0.0) + beside, 0.95)))
+
     @cached_property
     def other_tool_anywhere(self) -> float:
         """The same of a tool that was not measured: what went into the measured tool's mount stays an error."""

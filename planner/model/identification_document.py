@@ -11,7 +11,7 @@ from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
 from planner.common.files import document_text
 from planner.common.schema import read_json, validate
-from planner.common.units import Array
+from planner.common.units import Array, to_mm
 from planner.model.document_section import DocumentSection, Probability, Size, round_digits
 from planner.model.finding import Finding, RejectedEffect
 from planner.model.finding_groups import list_causes
@@ -202,6 +202,22 @@ class ErrorParts(DocumentSection):
     drift: Size = 0.0
 
 
+class UnseenError(DocumentSection):
+    """Errors that no pose of the run has shown: what, what would show it, and what the error would then stay below [m].
+
+    ``at_most`` is the 95 % limit over the workspace once all of it is known: the best that such poses can bring.
+    """
+
+    what: str
+    cure: str
+    at_most: Size
+
+    def text(self, limit: float) -> str:
+        """Say it in a sentence; ``limit`` is the limit as it is [m]."""
+        before, after = (f"{float(to_mm(v)):.3f}" for v in (limit, self.at_most))
+        return f"{self.what}: {self.cure} would show it, limit {before} → {after} mm at best"
+
+
 ReleaseBasis = Literal["posterior", "geometry", "fit"]
 """What a released robot is made of: the mean over all that may be there, geometry alone, or the last stage."""
 
@@ -224,6 +240,7 @@ class Release(DocumentSection):
         work_tool: of the tool that the cell names.
         families: sizes of the effects as learnt.
         parts: of the released robot's error.
+        not_shown: errors of base and joints that no pose has shown, those that leave most open first.
         misfit_place: where the part that is misfit is largest, where the run shows any, and what acts like it.
         unexplained: motion of the tool that the run shows and no named cause explains.
     """
@@ -242,6 +259,7 @@ class Release(DocumentSection):
     work_tool: WorkToolError | None = None
     families: tuple[SizeOfFamily, ...] = ()
     parts: ErrorParts | None = None
+    not_shown: tuple[UnseenError, ...] = ()
     misfit_place: MisfitPlace | None = None
     unexplained: MisfitPlace | None = None
 

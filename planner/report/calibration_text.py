@@ -120,6 +120,7 @@ def _part_sentences(r: Release) -> list[str]:
                 f"{in_mm(p.drift)} mm of it is how far the arm moved in the time of the run: it is written as it was "
                 "on average."
             )
+    out += [f"No pose has shown {u.text(r.at_most)}." for u in r.not_shown]
     if (place := r.misfit_place) is not None:
         like = "" if place.like is None else f"; it acts like {place.like}"
         out.append(f"That misfit is {place.text(unit=' mm')}{like}.")

@@ -74,15 +74,19 @@ def _verdict_facts(found: Calibration, release: Release | None) -> Iterator[Fact
         yield "own tool", f"{_mm(own.nominal_anywhere)} → {_mm(own.anywhere)} mm  with the tool that it works with"
     # 2: times misfit from which on what no poses show has a line beside it: the screen is to have room for causes
     if parts is not None and not leads and (not misfit or drift_counts(parts) or parts.unseen > 2 * parts.misfit):
-        yield from _part_facts(parts)
+        yield from _part_facts(parts, bool(release.not_shown))
+    yield from (("unseen", u.text(release.at_most)) for u in release.not_shown[:1])
 
 
-def _part_facts(parts: ErrorParts) -> Iterator[Fact]:
-    """Say of what the tool error is made where drift counts, or where most of it is what the poses measured hide."""
+def _part_facts(parts: ErrorParts, said: bool) -> Iterator[Fact]:
+    """Say of what the tool error is made where drift counts, or where most of it is what the poses measured hide.
+
+    ``said``: a line of its own says what they hide.
+    """
     if drift_counts(parts):
         cure = "measure once it is warm, or log temperature_degC"
         yield "drift", f"{_mm(parts.drift)} mm of it: so far the arm moved in the time of the run; {cure}"
-    elif parts.unseen > max(parts.seen, parts.misfit):
+    elif parts.unseen > max(parts.seen, parts.misfit) and not said:
         yield "unseen", f"{_mm(parts.unseen)} mm of it: {UNSEEN}"
 
 
@@ -254,6 +258,7 @@ def _release_details(found: Calibration, release: Release) -> Iterator[Fact]:
         yield "", f"{_mm(p.unseen)} mm  {UNSEEN}"
         yield "", f"{_mm(p.misfit)} mm  misfit"
         yield "", f"{_mm(p.drift)} mm  drift in the time of the run"
+    yield from (("unseen", u.text(release.at_most)) for u in release.not_shown)
     yield from (("zeros", text) for text in other_zeros_text(found))
 
 
