@@ -9,13 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import UM, Array, to_mm
-from planner.design.assumptions import (
-    HIGHEST_GEAR_WAVE,
-    POSES_OF_AN_OPEN_PLAN,
-    TYPICAL_SHARE,
-    UNKNOWN_PRIOR,
-    UNMEASURED_TOOL_PRIOR,
-)
+from planner.design.assumptions import HIGHEST_GEAR_WAVE, POSES_OF_AN_OPEN_PLAN, UNKNOWN_PRIOR, UNMEASURED_TOOL_PRIOR
 from planner.design.expected_errors import EVERYWHERE
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, explain_direction
 from planner.design.observability.information import predict_covariance
@@ -253,8 +247,9 @@ def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
     ]
     declared = set(base.names)
     soft = compliance_parameters(base.setup) if base.setup.weighs else []
+    typical = 0.35  # of sizes of which most robots have little and few much: so sums of several mostly are
     usual = [
-        replace(p, prior=p.prior * TYPICAL_SHARE * cell.robot.priors.factor(name), group=name)
+        replace(p, prior=p.prior * typical * cell.robot.priors.factor(name), group=name)
         for name, own in usual_errors(Excitation.of(base.setup, samples))
         for p in own
     ]

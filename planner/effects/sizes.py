@@ -28,14 +28,14 @@ LOAD_TURN = Size("rad", 3e-4, 1e-2)
 MASS_TURN = Size("rad", LOAD_TURN.usual, 2e-3)
 """Turn of a joint under its largest load by a mass other than stated."""
 BASE_TURN = EffectSize("rad", 2e-4, 2e-3, ESTIMATED)
-"""Turn of the base by where the tool or the flange is, at the arm's full reach."""
-LOST_MOTION = EffectSize("rad", 2e-4, 2e-3, "data sheets of strain-wave and cycloidal gears: lost motion up to 0.3 mrad")
+"""Turn of the base by where the tool or the flange is, at the arm's full reach.
+
+Of this size and the next two one robot in eleven has more, and half have less than a seventh: docs/effects.md.
+"""
+LOST_MOTION = EffectSize("rad", 2e-4, 2e-3, "data sheets of strain-wave and cycloidal gears: up to 0.3 mrad")
 """Lost motion of a gear to either side of the middle."""
 UNSEEN_LOAD = EffectSize("rad", 2e-4, 2e-3, ESTIMATED)
 """Turn of a joint under loads that no pose has shown, beyond the law that it follows under the others."""
-USUAL_SPREAD = (-2.0, 1.5)
-"""Mean and one sigma of the logarithm of these three on one robot, over the size here: half of all have less than a
-seventh of it, one in eleven more than the whole. See docs/effects.md for measured robots."""
 LINK_MASS = Size("1", 0.15, 0.3)
 """Part by which a link weighs more than stated; a run that makes it larger does not show masses."""
 GEAR_WAVE = Size("rad", 1e-4, 5e-3)

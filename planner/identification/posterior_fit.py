@@ -14,7 +14,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Parameter
-from planner.effects.sizes import LINK_MASS, USUAL_SPREAD
+from planner.effects.sizes import LINK_MASS
 from planner.effects.steps import SLIP
 from planner.identification.assumptions import LOG_NOISE_SIGMA, STANDING_PROBABILITY, UNKNOWN_PRIOR
 from planner.identification.cross_validation import Split, predict_held_out
@@ -38,8 +38,6 @@ FINDING = float(np.exp(-6.0))  # probability of a finding: it is one of some hun
 RARE, COMMON, UNNAMED = 1, 2, 3  # pools: few of many acts; joints and links that yield, of which most arms have some
 SLAB: Array = 0.1 * 2.0 ** np.arange(7, dtype=float)  # factors of a family that acts; weights normal in the log
 SLAB_WEIGHT: Array = np.exp(-0.5 * (np.log(SLAB) + 1.0) ** 2)  # normal in the log about 1/e, its sigma 1
-USUAL: Array = 2.0 ** np.arange(-6, 4, dtype=float)  # of a family that every robot has in some size
-USUAL_WEIGHT: Array = np.exp(-0.5 * ((np.log(USUAL) - USUAL_SPREAD[0]) / USUAL_SPREAD[1]) ** 2)
 OWN: Array = np.exp(np.linspace(-2.0, 2.0, 9))  # the same of geometry and of findings
 OWN_WEIGHT: Array = np.exp(-0.5 * np.log(OWN) ** 2)  # normal in the log about 1, its sigma 1
 
@@ -280,7 +278,7 @@ class _Families:
         kinds = dict.fromkeys(findings, found) | dict.fromkeys(usual, slab)
         kinds |= dict.fromkeys(common & usual, often) | dict.fromkeys(unnamed, foreign)
         kinds |= dict.fromkeys(certain, _spike_and_slab(SLAB, SLAB_WEIGHT, 1.0))
-        kinds |= dict.fromkeys(ever, _spike_and_slab(USUAL, USUAL_WEIGHT, 1.0))
+        kinds |= dict.fromkeys(ever, usual_sizes())
         priors = tuple(kinds.get(n, plain) for n in names)
         start = np.array([0.0 if n in behind else 1.0 for n in names])
         return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start)
@@ -292,6 +290,13 @@ def _spike_and_slab(factors: Array, weight: Array, acting: float, pool: int = 0)
     if acting >= 1.0:
         return SizePrior(factors, chance)
     return SizePrior(np.append(0.0, factors), np.append(1 - acting, chance), pool)
+
+
+def usual_sizes() -> SizePrior:
+    """Return the prior on the factors of a family that every robot has, most of them a little and few much."""
+    factors = 2.0 ** np.arange(-6, 4, dtype=float)
+    # normal in the log about 1/e², its sigma 1.5
+    return _spike_and_slab(factors, np.exp(-0.5 * ((np.log(factors) + 2.0) / 1.5) ** 2), 1.0)
 
 
 def _with_known_size(p: Parameter) -> Parameter:

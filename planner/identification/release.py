@@ -218,6 +218,7 @@ def share_by_regions(share: float, plain: Fit, regions: Sequence[HeldOutRegion])
 def describe_release(released: ReleasedRobot) -> Release:
     """Return the section of the document about the released robot."""
     posterior, work, parts = released.posterior, released.work_tool, error_parts(released)
+    warm = posterior.record.run.samples.temperature
     return Release(
         basis="posterior" if released.share else "geometry",
         share=released.share,
@@ -232,6 +233,7 @@ def describe_release(released: ReleasedRobot) -> Release:
         work_tool=None if work is None else _describe_work_tool(released, work),
         families=posterior.families,
         parts=parts,
+        warmth=None if warm is None else (float(warm.min()), float(warm.max())),
         not_shown=unseen_errors(released),
         misfit_place=open_misfit_place(released, parts),
         unexplained=misfit_place(released),

@@ -16,16 +16,15 @@ from planner.identification.released_robot import ReleasedRobot
 from planner.model.identification_document import UnseenError
 from planner.runs.run import Samples
 
-WORTH_SAYING = 0.05  # of the limit, that it would fall by, from which on a person is told
-
 
 def unseen_errors(released: ReleasedRobot) -> tuple[UnseenError, ...]:
     """Return what the run has not shown of base and joints, what leaves most open first."""
     samples = released.posterior.record.run.samples
+    worth_saying = 0.05  # of the limit, that it would fall by
     found = []
     for family, which in _parameters_of(released).items():
         without = released.limit_without(which)
-        if released.at_most - without > WORTH_SAYING * released.at_most:
+        if released.at_most - without > worth_saying * released.at_most:
             what, cure = _base_words(released) if family == "" else _load_words(released, samples, int(family) - 1)
             found.append(UnseenError(what=what, cure=cure, at_most=without))
     return tuple(sorted(found, key=lambda u: u.at_most))

@@ -45,6 +45,7 @@ KEYS = {
     "unseen": "unseen_mm",
     "misfit": "misfit_mm",
     "drift": "drift_mm",
+    "warmth": "temperature_degC",
     "there": "there_mm",
     "elsewhere": "elsewhere_mm",
     "least": "least_mm",

@@ -240,12 +240,15 @@ class Release(DocumentSection):
         work_tool: of the tool that the cell names.
         families: sizes of the effects as learnt.
         parts: of the released robot's error.
+        warmth: lowest and highest temperature of the run [°C], where it was logged: for an arm as warm all this holds.
         not_shown: errors of base and joints that no pose has shown, those that leave most open first.
         misfit_place: where the part that is misfit is largest, where the run shows any, and what acts like it.
         unexplained: motion of the tool that the run shows and no named cause explains.
     """
 
-    if_any = ("validation", "work_tool", "parts", "misfit_place", "unexplained", "where_measured_mm")
+    if_any = (
+        "validation", "work_tool", "parts", "misfit_place", "unexplained", "where_measured_mm", "temperature_degC"
+    )  # fmt: skip
     basis: Literal["posterior", "geometry"]
     share: Probability = 1.0
     findings: tuple[str, ...] = ()
@@ -259,9 +262,16 @@ class Release(DocumentSection):
     work_tool: WorkToolError | None = None
     families: tuple[SizeOfFamily, ...] = ()
     parts: ErrorParts | None = None
+    warmth: tuple[float, float] | None = None
     not_shown: tuple[UnseenError, ...] = ()
     misfit_place: MisfitPlace | None = None
     unexplained: MisfitPlace | None = None
+
+    @property
+    def warmth_text(self) -> str:
+        """Say for which warmth of the arm the errors are stated."""
+        logged = "" if self.warmth is None else f" ({self.warmth[0]:.1f} to {self.warmth[1]:.1f} °C)"
+        return f"for an arm as warm as in this run{logged}; what a warmer or colder one is off is not stated"
 
 
 class Identification(DocumentSection):

@@ -121,6 +121,7 @@ def _part_sentences(r: Release) -> list[str]:
                 "on average."
             )
     out += [f"No pose has shown {u.text(r.at_most)}." for u in r.not_shown]
+    out.append(f"All this holds {r.warmth_text}.")
     if (place := r.misfit_place) is not None:
         like = "" if place.like is None else f"; it acts like {place.like}"
         out.append(f"That misfit is {place.text(unit=' mm')}{like}.")

@@ -34,6 +34,7 @@ from planner.session.plan_types import Drive
 from planner.session.planning import PoseChooser, PoseSession, Selection
 from planner.session.release import TourStop
 from planner.session.tour_drive import MountingSession
+from planner.session.validation_poses import order_by_distance
 
 
 class BarPoses(PoseSession):
@@ -165,18 +166,16 @@ class BarPoses(PoseSession):
         return np.concatenate(lost)
 
     def draw_validation(self, choice: PoseChoice) -> np.ndarray:
-        """Poses for checking the fit that it never sees: drawn blindly of those that a path joins, none of them chosen.
+        """Poses for checking the fit that it never sees, far from the chosen ones, of those that a path joins.
 
         The pool itself was joined by a sample of it: of poses beside no path some are found only here.
         """
-        others = np.setdiff1d(np.arange(len(self.pool)), choice.chosen)
+        others = order_by_distance(self.cell, self.pool.q, choice.chosen, self.options.seed)
         count = min(self.cell.plan.validate, len(others))
-        rng = np.random.default_rng(self.options.seed)
-        drawn = rng.choice(others, count, replace=False)
+        drawn, rest = others[:count], others[count:]
         lost = self._find_unjoined_rows(self.pool.samples.take(drawn))
         if len(lost):
-            rest = np.setdiff1d(others, drawn)
-            more = rng.choice(rest, min(2 * len(lost), len(rest)), replace=False)
+            more = rest[: 2 * len(lost)]
             more = np.delete(more, self._find_unjoined_rows(self.pool.samples.take(more)))
             drawn = np.append(np.delete(drawn, lost), more[: len(lost)])
         return np.sort(drawn)

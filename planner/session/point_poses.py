@@ -21,6 +21,7 @@ from planner.session.planning import PoseChooser, PoseSession, Selection
 from planner.session.release import TourStop, candidate_stop
 from planner.session.tolerances import REPEATED_CENTRINGS
 from planner.session.tour_drive import MountingSession
+from planner.session.validation_poses import order_by_distance
 
 
 class PointPoses(PoseSession):
@@ -110,12 +111,11 @@ class PointPoses(PoseSession):
         return out
 
     def draw_validation(self, choice: PoseChoice) -> np.ndarray:
-        """Poses for checking the fit that it never sees: drawn blindly, none of them chosen, as many at each ball."""
+        """Poses for checking the fit that it never sees, far from the chosen ones, as many at each ball."""
         pool, count = self.pool, self.cell.plan.validate
         if self.only_validates:
             return np.zeros(0, dtype=int)
-        others = np.setdiff1d(np.arange(len(pool)), choice.chosen)
-        others = np.random.default_rng(self.options.seed).permutation(others)
+        others = order_by_distance(self.cell, pool.q, choice.chosen, self.options.seed)
         if pool.ball is None:
             return np.sort(others[:count])
         balls = int(pool.ball.max()) + 1

@@ -259,6 +259,7 @@ def _release_details(found: Calibration, release: Release) -> Iterator[Fact]:
         yield "", f"{_mm(p.misfit)} mm  misfit"
         yield "", f"{_mm(p.drift)} mm  drift in the time of the run"
     yield from (("unseen", u.text(release.at_most)) for u in release.not_shown)
+    yield "holds", release.warmth_text
     yield from (("zeros", text) for text in other_zeros_text(found))
 
 

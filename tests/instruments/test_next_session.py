@@ -25,6 +25,7 @@ from planner.runs.run import Samples
 from planner.runs.writer import save_run
 from planner.session.bar_poses import BarPoses
 from planner.session.options import PlanOptions
+from planner.session.validation_poses import order_by_distance
 from planner.workflow.identification import identify
 from tests.identification.worlds import arm_of
 from tests.simulation.generator.kinds import Effect
@@ -183,16 +184,33 @@ def test_several_calibrations_are_refused_and_one_named_twice_is_one(tmp_path):
 def test_no_rule_chooses_the_validation_poses():
     """They are none of the chosen poses, and among all others those that the rule likes are no more frequent."""
     session = BarPoses.__new__(BarPoses)
-    session.pool = PoseSet(Samples.at(np.zeros((400, 6))), None)
+    cell = load_cell("kuka-kr6-r700/edbb", planning=False)
+    q = np.random.default_rng(2).uniform(*cell.joint_range, (2000, 6))
+    session.pool = PoseSet(Samples.at(q), None)
     session._find_unjoined_rows = lambda _: np.zeros(0, dtype=int)  # all are joined
-    session.cell = Of(plan=Of(validate=12))
-    liked = np.random.default_rng(1).permutation(400)  # rank of each candidate by the rule
+    session.cell = replace(cell, plan=replace(cell.plan, validate=12))
+    liked = np.random.default_rng(1).permutation(2000)  # rank of each candidate by the rule
     chosen = np.flatnonzero(liked < 20)
     ranks = []
-    for seed in range(200):
+    for seed in range(60):
         session.options = Of(seed=seed)
         drawn = session.draw_validation(Of(chosen=chosen))
         assert len(drawn) == 12
         assert not np.intersect1d(drawn, chosen).size
         ranks.append(liked[drawn].mean())
-    assert np.mean(ranks) == pytest.approx((20 + 399) / 2, abs=4 * 110 / np.sqrt(12 * 200))
+    assert np.mean(ranks) == pytest.approx((20 + 1999) / 2, abs=4 * 571 / np.sqrt(12 * 60))
+
+
+def test_validation_poses_lie_where_the_chosen_poses_do_not():
+    """Farther from the nearest chosen pose, by the joints that move the tool most, than poses drawn blindly."""
+    cell = load_cell("kuka-kr6-r700/edbb", planning=False)
+    q = np.random.default_rng(3).uniform(*cell.joint_range, (1000, 6))
+    chosen = np.flatnonzero(q[:, 0] > 0.3)[:40]
+    order = order_by_distance(cell, q, chosen, 0)
+    assert sorted(order.tolist()) == np.setdiff1d(np.arange(1000), chosen).tolist()
+    assert (q[order[:12], 0] < 0.3).sum() >= 9
+
+    def apart(rows):
+        return np.linalg.norm(q[rows][:, None, :3] - q[chosen][:, :3], axis=2).min(axis=1).mean()
+
+    assert apart(order[:12]) > 1.3 * apart(order)
