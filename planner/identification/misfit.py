@@ -14,9 +14,9 @@ both: how large noise is follows from data sheets, and from poses that the arm c
 How many families act without being named tells of a rest as well: a cause whose law the catalogue has takes about one
 of them to be described, a law that it lacks takes several, each of which follows it in part only.
 What is left open moves all poses of a region together: it is looked at in the directions in which it is independent, so
-that a region counts as so many readings as it has of these. One region is stretched more than another, and what is
-drawn for the workspace is a stretch of a region not yet seen (a random effect, as of studies in a meta-analysis:
-DerSimonian and Laird 1986, Controlled Clinical Trials 7(3)).
+that a region counts as so many readings as it has of these. One region is stretched more than another, or has more of
+a rest, and what is drawn for the workspace are those of a region not yet seen (a random effect, as of studies in a
+meta-analysis: DerSimonian and Laird 1986, Controlled Clinical Trials 7(3)).
 """
 
 from collections.abc import Mapping, Sequence
@@ -56,6 +56,7 @@ NOISES: Array = np.exp(np.linspace(-1.2, 1.5, 19))  # over the usual noise, and
 LOGS: Array = np.linspace(-1.5, 4.0, 23)  # of the stretch of one region, and of what regions have in common
 APART: Array = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # one sigma of the logarithm of a region's stretch
 RESTS: Array = np.append(0.0, 0.05 * np.exp(np.linspace(0.0, 6.0, 19)))  # over the usual noise
+LOG_RESTS = np.log(RESTS[1:])
 
 
 @dataclass(frozen=True)
@@ -230,10 +231,10 @@ def draw_misfit(
         seed: of the draws.
     """
     usual = float(np.mean([p.noise.mean() for p in parts]))
-    own = np.stack([_log_density(part, usual) for part in parts])  # of noise, rest and stretch of each region
-    none = own[..., [int(np.argmin(np.abs(LOGS)))]].sum(axis=0)
-    near = _chances_about(LOGS)
-    logs = np.stack([np.concatenate([none, _mix(own, chance).sum(axis=0)], axis=-1) for chance in near])
+    each = np.stack([_log_density(part, usual) for part in parts])  # of noise, rest and stretch of each region
+    logs = np.stack(
+        [_mix_regions(each, *chances) for chances in zip(_chances_about(LOG_RESTS), _chances_about(LOGS), strict=True)]
+    )
     logs += (-0.5 * (np.log(NOISES) / LOG_USUAL_NOISE_SIGMA) ** 2 + repeats.log_density(NOISES))[:, None, None]
     logs += _spike_and_slab(np.log(RESTS[1:] / USUAL_REST) / LOG_REST_SIGMA, no_rest_probability(acting))[:, None]
     logs += _spike_and_slab(LOGS / LOG_STRETCH_SIGMA, NO_STRETCH_PROBABILITY)
@@ -242,12 +243,26 @@ def draw_misfit(
     chance = np.exp(logs - logs.max()).sum(axis=1)
     which, off = _spread_evenly(chance.ravel(), count, np.random.default_rng(seed))
     apart, rest, common = np.unravel_index(which, chance.shape)
-    log = np.append(0.0, LOGS)[common] + np.where(common > 0, APART[apart] * off, 0.0)
-    return Misfit(np.exp(np.maximum(log, 0.0)), RESTS[rest] * np.sqrt(usual))
+    log = np.append(0.0, LOGS)[common] + np.where(common > 0, APART[apart] * off[0], 0.0)
+    one = APART[apart] * off[1] - APART[apart] ** 2  # of one region, about the mean square over many
+    return Misfit(np.exp(np.maximum(log, 0.0)), RESTS[rest] * np.exp(one) * np.sqrt(usual))
+
+
+def _mix_regions(each: Array, of_rest: Array, of_stretch: Array) -> Array:
+    """Return log densities (noises, rests, 1 + stretches) of regions whose rests and stretches lie about common ones.
+
+    Args:
+        each: of every region, (regions, noises, rests, stretches).
+        of_rest, of_stretch: probabilities of the values of a region about each common one, (k, s).
+    """
+    some = np.moveaxis(_mix(np.moveaxis(each[:, :, 1:], 2, -1), of_rest), -1, 2)
+    own = np.concatenate([each[:, :, :1], some], axis=2)
+    none = own[..., [int(np.argmin(np.abs(LOGS)))]].sum(axis=0)
+    return np.concatenate([none, _mix(own, of_stretch).sum(axis=0)], axis=-1)
 
 
 def _spread_evenly(chance: Array, count: int, rng: np.random.Generator) -> tuple[np.ndarray, Array]:
-    """Return positions in chances (k,) as often as they are likely, and standard normal values with them, (count,).
+    """Return positions in chances (k,) as often as they are likely, and pairs of normal values with them, (2, count).
 
     They are a lattice of rank 1 in random order: what 95 % of a few hundred robots stay below would else scatter by a
     twentieth from one seed to another.
@@ -255,9 +270,10 @@ def _spread_evenly(chance: Array, count: int, rng: np.random.Generator) -> tuple
     from scipy.special import ndtri  # only here
 
     k = rng.permutation(count)
-    golden = 0.5 * (np.sqrt(5) - 1)  # of its multiples the fractions lie evenly for any count
+    golden = 0.5 * (np.sqrt(5) - 1)  # of its multiples the fractions lie evenly for any count, as do those of √2
     places = np.searchsorted(np.cumsum(chance), (k + 0.5) / count * chance.sum())
-    return np.minimum(places, len(chance) - 1), np.asarray(ndtri((golden * k + 0.5 * golden) % 1.0))
+    off = ndtri(np.stack([(golden * k + 0.5 * golden) % 1.0, (np.sqrt(2) * k + 0.5) % 1.0]))
+    return np.minimum(places, len(chance) - 1), np.asarray(off)
 
 
 def no_rest_probability(acting: np.ndarray) -> float:
@@ -286,9 +302,9 @@ def _log_density(part: HeldOutReadings, usual: float) -> Array:
     return out
 
 
-def _chances_about(middles: Array) -> Array:
-    """Return the probabilities (a, k, s) of the stretches of a region, of each spread and about each middle (k,)."""
-    off = (LOGS - middles[:, None]) / np.maximum(APART, 1e-3)[:, None, None]
+def _chances_about(logs: Array) -> Array:
+    """Return the probabilities (a, k, s) of the values of a region (s,), of each spread and about each of them (k,)."""
+    off = (logs - logs[:, None]) / np.maximum(APART, 1e-3)[:, None, None]
     weight = np.exp(-0.5 * (off**2 - (off**2).min(axis=2, keepdims=True)))
     return np.asarray(weight / weight.sum(axis=2, keepdims=True))
 

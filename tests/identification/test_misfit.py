@@ -130,6 +130,18 @@ def test_what_moves_the_tool_at_each_pose_alone_is_the_rest():
     assert np.median(found) == pytest.approx(4e-5, rel=0.2)
 
 
+def test_regions_whose_rests_differ_leave_open_how_large_the_next_one_is():
+    """Four regions alike, or two with hardly any rest and two with much: as much on average, and known less well."""
+    spread = []
+    for rests in ((4e-5,) * 4, (1e-5, 1e-5, 6e-5, 6e-5)):
+        found = [
+            draw_misfit([held_out(10 * seed + k, rest=r) for k, r in enumerate(rests)], 400, NAMED) for seed in range(6)
+        ]
+        spread.append(np.median([np.quantile(m.rest, 0.95) / np.median(m.rest) for m in found]))
+    assert spread[0] < 1.7
+    assert spread[1] > 1.4 * spread[0]
+
+
 def test_a_gauge_that_is_a_little_noisier_than_its_data_sheet_is_no_misfit():
     found = [draw_misfit([held_out(seed, noise=1.15)], 400, NAMED) for seed in range(20)]
     assert np.median([m.rest_square**0.5 for m in found]) < NOISE
