@@ -247,7 +247,7 @@ def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
     ]
     declared = set(base.names)
     soft = compliance_parameters(base.setup) if base.setup.weighs else []
-    typical = 0.35  # of sizes of which most robots have little and few much: so sums of several mostly are
+    typical = 0.25  # of sizes of which most robots have little and few much: so sums of several mostly are
     usual = [
         replace(p, prior=p.prior * typical * cell.robot.priors.factor(name), group=name)
         for name, own in usual_errors(Excitation.of(base.setup, samples))

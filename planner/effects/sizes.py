@@ -27,14 +27,14 @@ LOAD_TURN = Size("rad", 3e-4, 1e-2)
 """Turn of a joint, a link or the base under the run's largest load."""
 MASS_TURN = Size("rad", LOAD_TURN.usual, 2e-3)
 """Turn of a joint under its largest load by a mass other than stated."""
-BASE_TURN = EffectSize("rad", 2e-4, 2e-3, ESTIMATED)
+BASE_TURN = EffectSize("rad", 3e-4, 2e-3, ESTIMATED)
 """Turn of the base by where the tool or the flange is, at the arm's full reach.
 
-Of this size and the next two one robot in eleven has more, and half have less than a seventh: docs/effects.md.
+Of this size and the next two one robot in thirteen has more, and half have less than a twelfth: docs/effects.md.
 """
-LOST_MOTION = EffectSize("rad", 2e-4, 2e-3, "data sheets of strain-wave and cycloidal gears: up to 0.3 mrad")
+LOST_MOTION = EffectSize("rad", 3e-4, 2e-3, "data sheets of strain-wave and cycloidal gears: up to 0.3 mrad")
 """Lost motion of a gear to either side of the middle."""
-UNSEEN_LOAD = EffectSize("rad", 2e-4, 2e-3, ESTIMATED)
+UNSEEN_LOAD = EffectSize("rad", 3e-4, 2e-3, ESTIMATED)
 """Turn of a joint under loads that no pose has shown, beyond the law that it follows under the others."""
 LINK_MASS = Size("1", 0.15, 0.3)
 """Part by which a link weighs more than stated; a run that makes it larger does not show masses."""

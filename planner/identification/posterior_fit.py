@@ -294,9 +294,9 @@ def _spike_and_slab(factors: Array, weight: Array, acting: float, pool: int = 0)
 
 def usual_sizes() -> SizePrior:
     """Return the prior on the factors of a family that every robot has, most of them a little and few much."""
-    factors = 2.0 ** np.arange(-6, 4, dtype=float)
-    # normal in the log about 1/e², its sigma 1.5
-    return _spike_and_slab(factors, np.exp(-0.5 * ((np.log(factors) + 2.0) / 1.5) ** 2), 1.0)
+    factors = 2.0 ** np.arange(-7, 4, dtype=float)
+    # normal in the log, of mean −2.5 and sigma 1.75
+    return _spike_and_slab(factors, np.exp(-0.5 * ((np.log(factors) + 2.5) / 1.75) ** 2), 1.0)
 
 
 def _with_known_size(p: Parameter) -> Parameter:

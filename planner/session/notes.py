@@ -6,12 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.setup import setup_of
+from planner.common.summary import Aside
 from planner.common.units import Array, to_mm
 from planner.design.assumptions import UNSURE_POWER
 from planner.design.discrimination.power import Discrimination
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice, warn_too_few_readings
+from planner.effects.context import Context
+from planner.model.tool_error import uniform_states
 from planner.motion.collision.body_gaps import describe_body_gaps
 from planner.motion.collision.surroundings import (
     describe_parked_joints,
@@ -37,6 +41,30 @@ def session_notes(cell: Cell) -> tuple[str, ...]:
         *describe_polytopes(cell),
     )
     return (*_home_notes(cell), *_repeat_notes(cell), *_speed_notes(cell), *collision)
+
+
+def load_notes(cell: Cell, samples: Samples) -> tuple[str, ...]:
+    """Say which joints most of the workspace loads otherwise than the poses that are measured; none where few."""
+    setup, few = setup_of(cell), 0.1  # share of the workspace
+    if not setup.weighs:
+        return ()
+    states = Samples.at(uniform_states(cell, 1000, 0))
+    here, anywhere = (Context(setup, s).load_torque for s in (samples, states))
+    low, high = here.min(axis=0), here.max(axis=0)
+    beyond = ((anywhere < low) | (anywhere > high)).mean(axis=0)
+    said = [
+        f"joint {k + 1} ({beyond[k]:.0%}; measured {low[k]:.3g} to {high[k]:.3g} Nm, there "
+        f"{anywhere[:, k].min():.3g} to {anywhere[:, k].max():.3g} Nm)"
+        for k in np.flatnonzero((beyond > few) & ~cell.robot.slides).tolist()
+    ]
+    if not said:
+        return ()
+    return (
+        Aside(
+            f"parts of the workspace load joints otherwise than these poses do: {', '.join(said)}; how they turn there "
+            "no reading says, and the forecast counts it as unseen"
+        ),
+    )
 
 
 def _home_notes(cell: Cell) -> list[str]:

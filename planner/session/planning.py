@@ -31,7 +31,7 @@ from planner.design.selection.index_curves import BackgroundCurve
 from planner.programs.verification import shared_notes
 from planner.session.cell_checks import settle_dialects
 from planner.session.neutral_program import assemble_programs, jog_checks, session_program, write_programs
-from planner.session.notes import bar_notes, discrimination_notes, driven_discrimination, session_notes
+from planner.session.notes import bar_notes, discrimination_notes, driven_discrimination, load_notes, session_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import PathNotProvenError, UnprovenPoses, content_hash, plan_record
 from planner.session.plan_types import Drive, Plan, SessionPlan
@@ -177,7 +177,7 @@ class PoseSession(ABC):
             cell=cell,
             seed=self.options.seed,
             drives=drives,
-            notes=(*notes, *session_notes(cell)),
+            notes=(*notes, *session_notes(cell), *load_notes(cell, choice.samples)),
             pool=self.pool,
             choice=choice,
             certificate=certificate,
