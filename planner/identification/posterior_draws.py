@@ -19,6 +19,7 @@ from scipy.linalg import cho_solve
 
 from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
+from planner.identification.even_sizes import spread_evenly
 from planner.identification.reading_precision import FewProducts, ReadingPrecision, WholeProducts
 from planner.identification.reading_whitener import ReadingWhitener, explained_products
 from planner.identification.row_basis import posterior_basis
@@ -209,12 +210,13 @@ def draw_sizes(
         chain.swap(rng)
         if sweep < burn_in:
             chain.acting[:] = 0.0
+            chain.likely[:] = 0.0
         elif (sweep - burn_in + 1) % KEPT_EVERY == 0:
             acting = chain.acting / KEPT_EVERY
             weight = np.ones(0) if chain.model.weight is None else chain.model.weight
             out.append(DrawnSizes(chain.factors.copy(), chain.noise_logs, acting, weight))
             chain.acting[:] = 0.0
-    return tuple(out)
+    return chain.spread(out, rng)
 
 
 class _Chain:
@@ -238,6 +240,16 @@ class _Chain:
         self.known_logs = dict[tuple[int, int], Array]()
         self.optional = np.array([p.factors[0] == 0.0 for p in model.priors])
         self.acting = np.zeros(len(model.priors))
+        # how likely each factor of a family that always acts was when it was drawn, summed up
+        self.likely = np.zeros((len(model.priors), self.most_factors))
+
+    def spread(self, draws: list[DrawnSizes], rng: np.random.Generator) -> tuple[DrawnSizes, ...]:
+        """Return the draws with the factors of families that always act as evenly spread as they are likely."""
+        factors = np.array([d.factors for d in draws]).reshape(len(draws), -1)
+        for f in np.flatnonzero(~self.optional & (self.likely.sum(axis=1) > 0)).tolist() if draws else ():
+            own = self.model.priors[f].factors
+            factors[:, f] = spread_evenly(factors[:, f], own, self.likely[f, : len(own)], rng)
+        return tuple(replace(d, factors=own) for d, own in zip(draws, factors, strict=True))
 
     def draw_noise(self, rng: np.random.Generator) -> None:
         """Draw the noise with the sizes as they are, given what it may be in each reading."""
@@ -292,6 +304,7 @@ class _Chain:
         logs = block.gains(prior.factors**2 - own**2) + self._prior_logs(int(self.kind[family]), int(acting))
         chance = _chances(logs)
         self.acting[family] += 1 - float(chance[0] / chance[-1]) if self.optional[family] else 1.0
+        self.likely[family, : len(chance)] += np.diff(chance, prepend=0.0) / chance[-1]
         chosen = float(prior.factors[_choose(chance, rng)])
         if chosen != own:
             self.known.add(block, chosen**2 - own**2)
