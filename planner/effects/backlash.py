@@ -131,12 +131,17 @@ def backlash(run: Excitation) -> Iterator[Effect]:
         yield _of_joints(run, "backlash", None, phi, _play(run), sentence)
 
 
+def is_loaded_both_ways(run: Excitation, joint: int) -> bool:
+    """Tell whether the samples load a joint (from 0) to both sides, one of them more than by chance."""
+    sign = run.values(TorqueSign(joint))
+    return bool(np.minimum((sign > 0).mean(), (sign < 0).mean()) > 0.005)
+
+
 @register("backlash by load", background=Background.BY_PLACE)
 def backlash_by_load(run: Excitation) -> Iterator[Effect]:
     """Play that shows by the side on which the load lies."""
     for i in run.turning:
-        sign = run.values(TorqueSign(i))
-        if np.minimum((sign > 0).mean(), (sign < 0).mean()) > 0.005:
+        if is_loaded_both_ways(run, i):
             sentence = "play of {size}, on the side on which the load lies"
             effect = _of_joints(run, "backlash by load", i, TorqueSign, _play(run), sentence)
             yield replace(effect, role=Role.LIKE_ANY_COMPLIANCE)

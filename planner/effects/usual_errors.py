@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from planner.common.units import Array
+from planner.effects.backlash import is_loaded_both_ways
 from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import Excitation
 from planner.effects.compliance import LEAST_LOAD, LoadTorque
@@ -81,7 +82,8 @@ def usual_errors(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]
     for joint in run.turning if run.setup.weighs else ():
         most = float(np.abs(anywhere.torque[:, joint]).max())
         if most > LEAST_LOAD:
-            yield f"{LOST_MOTION_OF}{joint + 1}", (_lost_motion(run, joint, most),)
+            if not is_loaded_both_ways(run, joint):  # else play by load stands for it
+                yield f"{LOST_MOTION_OF}{joint + 1}", (_lost_motion(run, joint, most),)
             yield f"{BEYOND_LOADS}{joint + 1}", tuple(_beyond(run, joint, most))
 
 

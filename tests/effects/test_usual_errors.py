@@ -105,7 +105,8 @@ def test_sizes_follow_a_fleet_and_no_name_comes_twice(setup):
     names = [p.name for own in families.values() for p in own]
     assert len(names) == len(set(names))
     assert f"{LOST_MOTION_OF}1" not in families  # no weight turns an upright axis
-    assert f"{LOST_MOTION_OF}2" in families
+    assert f"{LOST_MOTION_OF}2" not in families  # of a joint loaded both ways play by load has a name
+    assert f"{BEYOND_LOADS}2" in families
 
 
 def test_keys_lead_back_to_the_functions():
