@@ -157,7 +157,7 @@ def add_dropped_parameters(
 
 ASSUMED = (
     f"every gear errs by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad, repeating up to {HIGHEST_GEAR_WAVE:.0f} times a turn, "
-    "every joint gives way and has lost motion, and the base turns with where the arm is"
+    "every joint gives way. Joints have lost motion, and the base turns with the arm's place"
 )
 
 
@@ -183,7 +183,7 @@ class UndeclaredErrors:
     before_label: ClassVar[str] = "as such a robot comes"
     condition: ClassVar[str] = (
         f"; expected where gears err by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad, in up to {HIGHEST_GEAR_WAVE:.0f} "
-        "periods a turn, joints bend under load and have lost motion, and the base turns with where the arm is"
+        "periods a turn, joints yield and have lost motion, and the base turns"
     )
 
     @property

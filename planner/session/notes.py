@@ -61,8 +61,8 @@ def load_notes(cell: Cell, samples: Samples) -> tuple[str, ...]:
         return ()
     return (
         Aside(
-            f"parts of the workspace load joints otherwise than these poses do: {', '.join(said)}; how they turn there "
-            "no reading says, and the forecast counts it as unseen"
+            f"parts of the workspace load joints otherwise than these poses do: {', '.join(said)}. How they turn there "
+            "no reading says"
         ),
     )
 
