@@ -25,11 +25,13 @@ def error_parts(released: ReleasedRobot) -> ErrorParts:
     here = {name: k for k, name in enumerate(known.fit.model.names)}
     at = [k for k, name in enumerate(tool.names) if name in here]
     which, weight = [here[tool.names[k]] for k in at], tool.gram[np.ix_(at, at)] / len(tool.q)
-    off = (known.drawn - known.fit.errors[:, None])[which]
+    most = released.most_drawn
+    off = (known.drawn - known.fit.errors[:, None])[which][:, most]
+    of_noise = known.of_noise[which][:, most]
     unnamed = _has_no_name([known.fit.model.names[k] for k in which])
     own, other = (_trace(weight, off * part) for part in (unnamed, ~unnamed))
     share = own / max(own + other, 1e-300)
-    all_square, by_noise = (_trace(weight, part) / off.shape[1] for part in (off, known.of_noise[which]))
+    all_square, by_noise = (_trace(weight, part) / off.shape[1] for part in (off, of_noise))
     stretched = float((misfit.stretch**2).mean()) - 1
     beyond = misfit.rest_square + all_square * share + by_noise * stretched
     whole = max(float((released.expected_errors(released.fit) ** 2).mean()), 1e-300)
@@ -67,7 +69,10 @@ def _has_no_name(names: Sequence[str]) -> np.ndarray:
 
 def _root_after_many(known: PosteriorFit) -> Array:
     """Return a root (P, P) of the covariance after MANY times as many readings at the same poses."""
-    size = np.sqrt((known.mixture.scaled_sizes**2).mean(axis=0))
+    drawn = known.mixture.scaled_sizes
+    # of what always acts, without the draws in which it is largest: few robots have so much
+    drawn = np.where(drawn.min(axis=0) > 0, np.minimum(drawn, np.quantile(drawn, 0.75, axis=0)), drawn)
+    size = np.sqrt((drawn**2).mean(axis=0))
     information = UNSEEN_READINGS_RATIO * size[:, None] * known.gram[:-1, :-1] * size + np.eye(len(size))
     root = solve_triangular(cholesky(information, lower=True), np.diag(size * known.fit.problem.prior), lower=True)
     return np.asarray(root.T)

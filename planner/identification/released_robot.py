@@ -261,13 +261,20 @@ class ReleasedRobot:
         """The same of a tool that was not measured: what went into the measured tool's mount stays an error."""
         return float(np.sqrt(np.mean([self.likely_workspace_error(self.fit, t) ** 2 for t in self.other_tools])))
 
+    @cached_property
+    def most_drawn(self) -> np.ndarray:
+        """Which of the drawn robots are none of the tenth that errs most, (n,) bool.
+
+        Few robots have much of what no pose has shown: they would make up most of a mean square, and are no measure of
+        the others. What 95 % of robots stay below counts them.
+        """
+        errors = self.drawn_errors(self.posterior.fit)
+        return np.asarray(errors <= np.quantile(errors, 0.9))
+
     def spread(self, names: Sequence[str]) -> Array:
-        """Return a square root (K, k) of the covariance of parameters ``names``: the posterior's, stretched."""
-        known = self.posterior.fit
-        root, more = known.solution.root(known.problem.prior), float((self.misfit.stretch**2).mean()) - 1
-        if more > 0.0:
-            root = np.hstack([root, np.sqrt(more) * self.posterior.noise_root])
-        return pick_rows(root, known.model.names, names)
+        """Return a square root (K, k) of the covariance of parameters ``names`` over most of the drawn robots."""
+        off = self.drawn_offsets[:, self.most_drawn]
+        return pick_rows(off / np.sqrt(off.shape[1]), self.posterior.fit.model.names, names)
 
     def offset(self, names: Sequence[str], fit: Fit | None) -> Array:
         """Return how far the values (K,) of a fit, or of the nominal robot, are from the posterior mean."""
