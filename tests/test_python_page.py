@@ -12,7 +12,7 @@ from tests.workflow.conftest import FEWER, moving, small_cell
 
 PAGE = Path(__file__).parents[1] / "docs" / "python.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-FROM_FILES, PLANNING = BLOCKS[1:]
+FROM_FILES, PLANNING, DESK = BLOCKS[1:]
 ONE_LINE = 200  # letters of what a value shows of itself
 __all__ = ["moving"]
 
@@ -30,7 +30,7 @@ def run_block(text, names):
 
 
 def test_every_public_name_stands_in_an_example():
-    words = set(re.findall(r"\w+", FROM_FILES + PLANNING))
+    words = set(re.findall(r"\w+", FROM_FILES + PLANNING + DESK))
     assert {n for n in planner.__all__ if n != "__version__"} <= words
 
 
@@ -67,3 +67,15 @@ def test_the_examples_that_plan_run(moving, tmp_path, monkeypatch):
         made = run_block(text, names)
     assert Path("check/plan.json").is_file()
     assert made["verdict"].verdict is not None
+
+
+@pytest.mark.long
+def test_the_examples_of_the_desk_run(moving, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("session").symlink_to(moving.folder)
+    made = run_block(DESK, {})
+    assert made["seen"].jacobian.shape[0] == 60
+    assert made["chosen"].q.shape == (40, 6)
+    assert made["noise"].comparisons["differs"].to_list()
+    assert len(made["fits"]) == 3
+    assert made["spread"] > 0

@@ -254,7 +254,7 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
         sources = run_sources(measured, asked.cell, asked.plan)
         if are_sessions(sources, asked.cell, asked.plan):
             return _identify_sessions(sources, stages, asked, settings)
-    cell, plan = single_value(asked.cell, "--cell"), single_value(asked.plan, "--plan")
+    cell, plan = single_value(asked.cell, "--cell"), _plan_of_poses(single_value(asked.plan, "--plan"))
     where = with_priors(with_fleet(_cell_of(cell, plan), asked.fleet), asked.priors)
     found = identify_runs(measured, where, stages, plan, asked.validate, settings, tracing=not asked.no_trace)
     return _result(found, where, asked, stages)
@@ -304,6 +304,19 @@ def _with_use(found: Calibration, cell: Cell, asked_mm: float | None) -> Calibra
     asked = None if tolerance is None else float(from_mm(tolerance))
     use = judge_use(found.released, cell.robot.repeatability, asked, cell.robot.repeatability_assumed)
     return found.model_copy(update={"good_for": use, "use": None if tolerance is None else use})
+
+
+def _plan_of_poses(plan: object) -> "PlanResult | Path | str | None":
+    """Return the plan that was measured; one of another kind, or of poses alone, is evaluated elsewhere.
+
+    Raises:
+        InputError: it is no plan of poses.
+    """
+    from planner.workflow.plan_results import PlanResult
+
+    if plan is None or isinstance(plan, PlanResult | Path | str):
+        return plan
+    raise InputError(f"plan: a plan of poses, or the path of its plan.json, is needed, not a {type(plan).__name__}")
 
 
 def _cell_of(cell: Cell | Path | str | None, plan: "PlanResult | Path | str | None") -> Cell:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from planner.cell.cell import Cell
     from planner.runs.run import Run
-    from planner.workflow.plan_results import PlanResult, SimulationResult
+    from planner.workflow.plan_results import PosesResult, SessionResult, SimulationResult
 
 
 STAGES = {
@@ -45,7 +45,7 @@ class IdentifyCall(Call):
         ),
     ] = None
     plan: Annotated[
-        "PlanResult | Path | str | Sequence[PlanResult | Path | str] | None",
+        "SessionResult | PosesResult | Path | str | Sequence[SessionResult | PosesResult | Path | str] | None",
         Option(
             "the plan that was measured, once for all runs or once for each",
             metavar="PLAN.json",

@@ -34,7 +34,7 @@ from planner.session.neutral_program import driven_form, session_program, write_
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
 from planner.workflow.plan_kinds import DrivenPlan, PlanKind, find_plan_kind
-from planner.workflow.plan_results import ExportResult, SessionResult, SimulationResult
+from planner.workflow.plan_results import ExportResult, PosesResult, SessionResult, SimulationResult
 from planner.workflow.plan_use_calls import ExportCall, ImportCall, SimulateCall
 
 NOT_PROVEN_ANEW = "its path was not proven anew, as no collision engine is installed here"
@@ -118,7 +118,12 @@ def _drive_of_file(path: Path, drawn: bool) -> _Drive:
     return _Drive.of_poses(_read_drives(path), drawn)
 
 
-def _drive_of(result: SessionResult, drawn: bool) -> _Drive:
+def _drive_of(result: SessionResult | PosesResult, drawn: bool) -> _Drive:
+    if isinstance(result, PosesResult):
+        raise InputError(
+            "the plan ended with its time limit before a path was proven, and has poses alone: plan it with a longer "
+            "time limit to simulate its run"
+        )
     if isinstance(result.plan, Plan):
         return _Drive.of_poses(PlannedSession.of(result.plan), drawn)
     return _Drive.of_kind(find_plan_kind(result.kind, Path(result.main_file)), result.plan, ())

@@ -9,7 +9,7 @@ from planner.common.calls import LANGUAGE, Call, Option, Seed
 from planner.workflow.declared import PLAN_FILE, MeasuredPlan
 
 if TYPE_CHECKING:
-    from planner.workflow.plan_results import SessionResult
+    from planner.workflow.plan_results import PosesResult, SessionResult
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class SimulateCall(Call):
     group = "Measure"
     function = "planner.workflow.plan_use:simulate"
 
-    plan: Annotated["SessionResult | Path | str", PLAN_FILE]
+    plan: Annotated["SessionResult | PosesResult | Path | str", PLAN_FILE]
     _: KW_ONLY
     truth: Annotated[
         "Path | str | Mapping[str, Any] | None",

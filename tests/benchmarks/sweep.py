@@ -12,7 +12,9 @@ from pathlib import Path
 
 from distributed import Client, LocalCluster, as_completed
 
-from planner.studies.sweep import SweepTask, run_task, sweep, write_part
+from planner.cell.reading import load_cell
+from planner.studies.sweep import sweep, write_part
+from planner.studies.sweep_point import SweepTask, cell_hash, run_task
 
 SWEEP = 'schema = "edbb-sweep/1"\ncells = ["ur10/edbb"]\nposes = {poses}\ncandidates = 400\ntrials = 200\n'
 POINTS, EMPTY, PARTS = 8, 2000, 200
@@ -25,9 +27,9 @@ def cluster(workers):
 
 def measure_points(workers, folder):
     """Seconds that a point takes, all workers together, and seconds of a core; libraries are loaded before."""
-    file = folder / f"{workers}.toml"
+    file, content = folder / f"{workers}.toml", cell_hash(load_cell("ur10/edbb"))
     with cluster(workers) as here, Client(here) as client:
-        warm = [client.submit(run_task, SweepTask("ur10/edbb", 10, 1, k, 100)) for k in range(4 * workers)]
+        warm = [client.submit(run_task, SweepTask("ur10/edbb", content, 10, 1, k, 100)) for k in range(4 * workers)]
         client.gather(warm)
         file.write_text(SWEEP.format(poses=list(range(30, 30 + POINTS))))
         begun, used = time.monotonic(), client.run(time.process_time)
@@ -47,8 +49,8 @@ def measure_overhead():
 
 def measure_writing(folder):
     """Seconds that a part takes to be written, and its bytes."""
-    task = SweepTask("ur10/edbb", 30, 200, 0, 400)
-    table = run_task(task)
+    task = SweepTask("ur10/edbb", cell_hash(load_cell("ur10/edbb")), 30, 200, 0, 400)
+    table = run_task(task).table()
     begun = time.monotonic()
     for _ in range(PARTS):
         write_part(task, table, folder)

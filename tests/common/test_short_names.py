@@ -1,6 +1,7 @@
 """What a prompt shows of an object is one line that names it, not its arrays."""
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from planner.cell.reading import load_cell
 from planner.common.result import Plot
@@ -16,6 +17,6 @@ def test_results_runs_and_robots_show_themselves_in_one_line(tmp_path):
     said = f"'{run.name}', samples={len(run)}, plan_id='{run.plan_id}', simulated={run.simulated}"
     assert repr(run) == f"SimulatedRun({said})"
     assert repr(robot) == f"Robot('kuka-kr6-r700', joints=6, path='{robot.path}')"
-    for shown in (made, run, robot, Plot("errors", np.zeros(9999).tobytes())):
+    for shown in (made, run, robot, Plot("errors", np.zeros(9999).tobytes(), Figure)):
         assert "\n" not in repr(shown)
         assert len(repr(shown)) < 300
