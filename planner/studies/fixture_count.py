@@ -200,19 +200,24 @@ def _find_remedies(
     noise: float,
     seed: int,
 ) -> tuple[UnseenRemedy, ...]:
-    """Measure one fixture's place, those of all, the tool point, all of these; then add a second tool point.
+    """Measure one fixture's place, those of as few as show most, the tool point, all these; add a second tool point.
 
     One known point leaves the base free to turn about it; several known points hold it.
     """
     free = {prefix for prefix in ("fixture_", "map_") if any(n.startswith(prefix) for n in map_.names)}
-    one, all_ = (combine_places(map_, used, noise) for used in (places[:1], places))
-    tried = [
-        ("the fixture's place measured", one, ("fixture_",)),
-        *([(f"the places of {len(places)} fixtures measured", all_, ("fixture_",))] if len(places) > 1 else []),
-        ("the tool point measured", one, ("map_",)),
-        ("fixtures and tool point measured", all_, ("fixture_", "map_")),
+    sets = [combine_places(map_, places[: k + 1], noise) for k in range(len(places))]
+    one, all_ = sets[0], sets[-1]
+    tried: list[tuple[str, Sequence[CombinedReadings], tuple[str, ...]]] = [
+        ("the fixture's place measured", sets[:1], ("fixture_",)),
+        *([("the places of {} fixtures measured", sets[1:], ("fixture_",))] if len(places) > 1 else []),
+        ("the tool point measured", [one], ("map_",)),
+        ("the tool point and the place of the fixture measured", sets[:1], ("fixture_", "map_")),
+        *(
+            [("the tool point and the places of {} fixtures measured", sets[1:], ("fixture_", "map_"))]
+            * (len(sets) > 1)
+        ),
     ]
-    out = [(says, readings.drop_parameters(*known)) for says, readings, known in tried if free.issuperset(known)]
+    out = [_fewest_places(says, some, known, unseen) for says, some, known in tried if free.issuperset(known)]
     measured = all_.drop_parameters("fixture_", "map_")
     both = np.concatenate([measured.rows, _second_tool_rows(cell, map_, seed)])
     says = "all measured, and a second tool point" if free else "a second tool point, measured"
@@ -221,6 +226,16 @@ def _find_remedies(
         UnseenRemedy(says, readings.newly_seen_parameters(unseen), readings.identifiability.dropped)
         for says, readings in out
     )
+
+
+def _fewest_places(
+    says: str, sets: Sequence[CombinedReadings], known: tuple[str, ...], unseen: Sequence[DroppedParameter]
+) -> tuple[str, CombinedReadings]:
+    """Return the first of ``sets`` of places that shows as much as the last, and what is said of it."""
+    each = [readings.drop_parameters(*known) for readings in sets]
+    shown = [len(readings.newly_seen_parameters(unseen)) for readings in each]
+    first = each[shown.index(max(shown))]
+    return says.format(first.sources), first
 
 
 def _second_tool_rows(cell: Cell, map_: FixtureMap, seed: int) -> Array:

@@ -13,6 +13,7 @@ from planner.design.candidates.pool import PoseSet
 from planner.design.fixtures.places import FixtureReach, GridPlace, Status, move_fixture, place_grid, reach_poses
 from planner.design.observability.identifiability import find_identifiable
 from planner.design.observability.information import find_rule, index_value, r_factor
+from planner.design.selection.index_search import improve_poses
 from planner.design.selection.pruning import prune_poses
 from planner.model.model import Model
 from planner.runs.run import FIRST_MOUNTING, Samples
@@ -145,10 +146,11 @@ def _judge_place(
     blind = mu[-1] <= STRUCTURAL_ZERO_SHARE * mu[0]
     factor = read_only(r_factor(rows) / np.sqrt(rows[..., 0].size))
     judged = replace(judged, rank=rank, information=factor)
-    return replace(judged, status="blind") if blind else replace(judged, value=pruned_index(own, index, poses))
+    return replace(judged, status="blind") if blind else replace(judged, value=exchanged_index(own, index, poses))
 
 
-def pruned_index(rows: Array, index: str, poses: int) -> float:
-    """Return the index of the poses that backward pruning leaves of the candidates ``rows`` (n, r, p)."""
+def exchanged_index(rows: Array, index: str, poses: int) -> float:
+    """Return the index of the poses that exchange leads to, from what pruning leaves of ``rows`` (n, r, p)."""
     # 200: candidates from which pruning takes one away at a time; before, a twelfth at once
-    return index_value(index, rows[prune_poses(rows, poses, index, 200)])
+    pruned = prune_poses(rows, poses, index, 200)
+    return index_value(index, rows[improve_poses(rows, np.asarray(pruned), index)])

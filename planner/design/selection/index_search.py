@@ -182,6 +182,17 @@ def exchange_poses(
     return PoseSelection(chosen, index, value, certificate)
 
 
+def improve_poses(rows: Array, chosen: Positions, index: str) -> Positions:
+    """Return the set that exchanges of one pose at a time lead to from ``chosen`` (n,), over all candidates.
+
+    ``rows`` (N, r, P), reduced to identifiable columns. Without a bound: quick, for many sets that are compared.
+    """
+    whole = np.arange(len(rows))
+    for strength in (1.0,) if index == "O1" else BARRIER_STRENGTHS:
+        chosen = descend(PotentialCriterion(rows, BarrierPotential(index, strength)), chosen, whole, UNLIMITED)
+    return chosen if index == "O1" else descend(IndexCriterion(rows, index), chosen, whole, UNLIMITED)
+
+
 @dataclass(frozen=True)
 class _IndexSearch:
     """The search from several starts; attributes as the arguments of :func:`exchange_poses`."""
