@@ -209,7 +209,7 @@ def _find_remedies(
     one, all_ = sets[0], sets[-1]
     tried: list[tuple[str, Sequence[CombinedReadings], tuple[str, ...]]] = [
         ("the fixture's place measured", sets[:1], ("fixture_",)),
-        *([("the places of {} fixtures measured", sets[1:], ("fixture_",))] if len(places) > 1 else []),
+        *([("the places of {} fixtures measured", sets[1:], ("fixture_",))] if sets[1:] else []),
         ("the tool point measured", [one], ("map_",)),
         ("the tool point and the place of the fixture measured", sets[:1], ("fixture_", "map_")),
         *(

@@ -41,7 +41,7 @@ class StudySummary:
             *([("unseen", f"{join_names(unseen)} (why: unseen.csv)")] if unseen else []),
             (
                 "poses",
-                f"{b.index} bends at {own.knee} poses, {format_number(own.at_knee)} (columns in m, rad); {limit}",
+                f"{b.index} bends at {own.knee} poses, {format_number(own.at_knee)} (in m, rad); {limit}",
             ),
             ("least sure", least),
             ("fixture", f"{describe_best_place(self.places)}{self._moved_text()}"),

@@ -74,7 +74,7 @@ def test_a_stand_may_touch_what_it_stands_on_and_nothing_else(cell):
 
 
 def test_present_value_is_that_of_the_selection_on_the_same_candidates(done, cell):
-    """Draw the place's candidates again, prune and exchange them, and take the index from numpy's own singular values."""
+    """Draw the place's candidates again, prune and exchange; the index is that of numpy's singular values."""
     m = done[1].places
     q = reach_poses(cell, cell.fixtures[0].p_BX, 300, 3).q
     rows = Model.from_cell(cell).rows(Samples.at(q))[:, :, list(m.kept)]
