@@ -24,7 +24,6 @@ from planner.common.notebook import shown_progress
 from planner.common.progress import Progress
 from planner.common.result import Result
 from planner.common.schema import read_toml, validate
-from planner.common.second_process import map_in_copies
 from planner.common.summary import Summary
 from planner.motion.planning_packages import require_planning_packages
 from planner.studies.sweep_comparison import compare_neighbours
@@ -250,8 +249,8 @@ def compute(
         MissingProgramError: Dask is not installed, or nobody answers at the address.
     """
     if scheduler is None or not tasks:
-        for task, found in zip(tasks, map_in_copies(run_task, tasks), strict=True):
-            yield task, found.table()
+        for task in tasks:  # each is drawn on all processors; a copy of this process could not begin such a region
+            yield task, run_task(task).table()
         return
     try:
         from distributed import Scheduler, as_completed
