@@ -1,6 +1,7 @@
 """What the KUKA tutorial says of mounting and reading the bar is what cell, program, checklist and ``measure`` do."""
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from planner.cell.reading import gauge_class, load_cell
 from planner.instruments.live_gauge import open_log
 from planner.instruments.live_session import MeasuringSession, program_remark
-from planner.session.neutral_program import driven_form, session_program, write_session
+from planner.session.neutral_program import driven_form, session_program, write_programs, write_session
 from planner.session.planned_session import load_session
 from tests.docs.test_pages import PAGES, ROOT
 
@@ -53,6 +54,14 @@ def test_the_bar_that_a_person_reads_needs_no_wire(program):
     head = " ".join(re.findall(r"^; (.*)$", program.replace("\r", ""), re.MULTILINE))
     assert "cell names no controller.gauge_input" in head
     assert "waits until input" not in head
+
+
+def test_the_program_has_the_name_that_the_page_says(cell, session):
+    neutral = session_program(cell, session.courses, session.document.plan_id, driven_form("krl"))
+    ((_, files),) = write_programs(replace(cell, name="cell"), {"krl": neutral})
+    assert "KUKA_KR6_R700_CELL.dat" in {f.name for f in files}
+    assert "edbb plan cell.toml -o mine --dialect krl" in PAGE
+    assert "edbb import KUKA_KR6_R700_CELL.dat gauge.csv" in PAGE
 
 
 def test_the_old_plan_keeps_its_program(session):
