@@ -13,7 +13,7 @@ from tests.fuzz.seeds import SURFACES
 from tests.fuzz.spoiling import spoiled
 
 LONGEST_S, MOST_BYTES = 10.0, 2 * 1024**3
-QUICK, LONG = 32, 340  # cases for each way in: about 500 and more than 5 000
+QUICK, LONG = 20, 340  # cases for each way in: about 300 and more than 5 000
 MOST_MESSAGE = 2700
 
 

@@ -235,6 +235,7 @@ def test_where_no_pose_is_left_none_is_offered(bench, tmp_path):
     assert said.endswith("; no pose is left and 0.001 mm is not reached: plan on with edbb plan --after")
 
 
+@pytest.mark.long
 def test_the_command_reads_until_the_goal_and_goes_on_where_it_was_left(tmp_path, monkeypatch):
     """The gauge shows the length of the nominal arm and 0.3 mm more; the second call takes up what was read."""
     plan = wide_plan(tmp_path, calibrate=45, validate=5, repeat=0)

@@ -44,7 +44,14 @@ def test_a_plan(browser: Browser, plan: Plan, tmp_path: Path) -> None:
     assert sorted(shown) == sorted(["view", *(c.name for c in report.charts)])
 
 
-@pytest.mark.parametrize(("kind", "count"), [("edbb_static", 90), ("tracker", 60), ("balls", 60)])
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [
+        ("edbb_static", 90),
+        pytest.param("tracker", 60, marks=pytest.mark.long),
+        pytest.param("balls", 60, marks=pytest.mark.long),
+    ],
+)
 def test_a_calibration(
     browser: Browser, kind: str, count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

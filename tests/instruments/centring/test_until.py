@@ -95,6 +95,7 @@ def held(bench):
     return [p for p in bench.plan.poses if p.role == "validate"]
 
 
+@pytest.mark.long
 def test_a_session_that_goes_on_stands_where_it_stood(bench, stopped, tmp_path):
     again = CentringAdvice.of(bench.plan, bench.cell, tmp_path / "run.csv", 0.2e-3)
     again.resume(stopped.journal.rows)
