@@ -24,24 +24,19 @@ FLAGS = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
 DRIVER = "GL Driver Message"  # of the software that stands for a graphics card: what it says is not of the page
 SETTLED = "async () => { for (let n = 0; n < 4; n++) await new Promise((done) => requestAnimationFrame(done)); }"
 PLACES = '() => [...document.querySelectorAll(".chart, #view")].map((e) => e.id)'
-# a chart is drawn where each of its traces is there and something of them has a size; the view in space has a canvas
-EMPTY = """() => window.Plotly === undefined ? [] : [...document.querySelectorAll(".chart, #view")].filter((place) => {
-    const traces = place.id === "view" || !place.data ? 0 : place.data.length;
-    const marks = [...place.querySelectorAll(".trace path, .hm image, canvas, figure path")];
-    const seen = marks.some((m) => { const r = m.getBoundingClientRect(); return r.width + r.height > 0; });
-    return !seen || place.querySelectorAll(".trace, .hm").length < traces;
+OPENED = "document.querySelectorAll('details').forEach((d) => { d.open = true; })"
+IN_SPACE = '() => !document.querySelector("#scene") || document.querySelector("#view canvas, #view p")'
+# a chart is drawn where something of its panels has a size; the view in space has a canvas
+EMPTY = """() => [...document.querySelectorAll(".chart, #view")].filter((place) => {
+    const marks = [...place.querySelectorAll("svg path:not(.grid), svg image, canvas")];
+    return !marks.some((m) => { const r = m.getBoundingClientRect(); return r.width + r.height > 0; });
   }).map((e) => e.id)"""
-TICKS = r"""() => [...document.querySelectorAll(".js-plotly-plot")].flatMap((chart) => {
-    const axes = {}, layers = ".infolayer > g, .xaxislayer-above, .yaxislayer-above, .polarlayer > g";
-    for (const text of chart.querySelectorAll("[class*=tick] > text")) {
-      const kind = /\b(\w*)tick\b/.exec(text.parentNode.getAttribute("class"))[1];
-      const name = `${chart.id} ${(text.closest(layers) || chart).getAttribute("class")} ${kind}`;
-      const box = text.getBoundingClientRect();
-      const place = [box.x + box.width / 2, box.y + box.height / 2];
-      if (box.width) (axes[name] ||= []).push([text.dataset.unformatted ?? text.textContent, ...place]);
-    }
-    return Object.entries(axes);
-  })"""
+TICKS = r"""() => [...document.querySelectorAll(".chart")].flatMap((chart) =>
+    [...chart.querySelectorAll(".across, .down")].map((axis, k) => [`${chart.id} ${k}`,
+      [...axis.querySelectorAll(".tick")].map((t) => {
+        const box = t.getBoundingClientRect();
+        return [t.innerHTML, box.x + box.width / 2, box.y + box.height / 2];
+      })]))"""
 WIDEST = """() => [...document.querySelectorAll("body *")]
     .filter((e) => e.getBoundingClientRect().right > innerWidth + 1 && !e.closest(".scroll, table, svg"))
     .map((e) => e.outerHTML.slice(0, 120))"""
@@ -123,8 +118,10 @@ def look(page, address, shots):
     wide = []
     page.set_viewport_size(PHONE)
     page.goto(address)
+    page.wait_for_function(IN_SPACE)
     for name, size in (("phone", PHONE), ("desk", DESK)):
         page.set_viewport_size(size)
+        page.evaluate(OPENED)
         page.evaluate(SETTLED)
         if page.evaluate("document.documentElement.scrollWidth") > size["width"]:
             wide.append([name, *page.evaluate(WIDEST)])

@@ -29,7 +29,7 @@ def test_the_notebook_runs_from_its_first_cell_to_its_last():
     client.execute()
     shown = [o for c in book.cells for o in c.get("outputs", ())]
     printed = "".join(o["text"] for o in shown if o["output_type"] == "stream" and o["name"] == "stdout")
-    assert "tool error" in printed
+    assert "verdict" in printed
     data = [o["data"] for o in shown if o["output_type"] == "execute_result"]
     assert sum("held_out_mean_mm" in d.get("text/html", "") for d in data) == 1
     assert any("image/png" in d for d in data)

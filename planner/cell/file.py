@@ -315,10 +315,12 @@ class PlanSettingsFile(OptionalKeys):
 RobotClass = Literal["industrial", "hobby"]
 
 
-class UseFile(StrictModel):
-    """``[use]``: what the robot is to be good enough for: how far off the tool may be at a target of a program."""
+class UseFile(OptionalKeys):
+    """``[use]``: what the robot is to be good enough for: with which tool, and how far off it may be at a target."""
 
-    tolerance_mm: Annotated[PositiveFloat, Field(ge=0.001, le=1000)]
+    tolerance_mm: Annotated[PositiveFloat, Field(ge=0.001, le=1000)] | None = None
+    tool: Literal["measured", "own", "another"] | None = None  # own: that of [tool] work_mm
+    LATER: ClassVar[tuple[str, ...]] = ("tolerance_mm", "tool")
 
 
 class PriorFile(StrictModel):

@@ -15,7 +15,7 @@ from planner.design.observability.identifiability import DroppedParameter, Ident
 from planner.design.observability.information import predict_covariance
 from planner.effects.catalogue import Excitation, catalogue
 from planner.effects.compliance import JOINT_COMPLIANCE, compliance_parameters
-from planner.effects.effect import Parameter
+from planner.effects.effect import Effect, Parameter, Place, joint_place
 from planner.effects.nonparametric import gear_curve
 from planner.effects.sizes import GEAR_CURVE_SIZE
 from planner.effects.usual_errors import usual_errors
@@ -232,6 +232,35 @@ def gear_factor(robot: Robot, joint: int) -> float:
     return float(np.sqrt(np.mean([robot.priors.factor(f"{kind}, joint {joint + 1}") ** 2 for kind in kinds])))
 
 
+def _expected_gears(cell: Cell, setup: MeasurementSetup) -> list[Effect]:
+    """Return the error of every gear, one effect a joint."""
+    ends, gears = np.array(cell.joint_range), []
+    for j in range(cell.robot.n_joints):
+        gear, factor = gear_curve(setup, ends, j, HIGHEST_GEAR_WAVE), gear_factor(cell.robot, j)
+        gears.append(replace(gear, parameters=tuple(p.with_prior(p.prior * factor) for p in gear.make(None))))
+    return gears
+
+
+def _expected_usual(cell: Cell, setup: MeasurementSetup, samples: Samples) -> list[Effect]:
+    """Return lost motion, loads that no pose shows and turns of the base, one effect a family."""
+    typical, out = 0.25, []  # of sizes of which most robots have little and few much: so sums of several mostly are
+    for name, own in usual_errors(Excitation.of(setup, samples)):
+        kind, _, joint = name.partition(", joint ")
+        place = joint_place(int(joint) - 1) if joint else Place("base")
+        size = typical * cell.robot.priors.factor(name)
+        parameters = tuple(replace(p, prior=p.prior * size, group=name) for p in own)
+        out.append(Effect(kind, place, parameters, "", np.inf, "sizes that plans expect of every robot"))
+    return out
+
+
+def expected_effects(cell: Cell, setup: MeasurementSetup, samples: Samples) -> tuple[Effect, ...]:
+    """Return what plans expect of every robot beside geometry and compliance: of their forecasts and of drawn robots.
+
+    The prior of each parameter is its one-sigma size.
+    """
+    return (*_expected_gears(cell, setup), *_expected_usual(cell, setup, samples))
+
+
 def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
     """Return the errors that a cell may have and has not declared, as the poses ``samples`` show them.
 
@@ -239,20 +268,10 @@ def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
         InputError: the cell declares an effect that these poses do not show.
     """
     base = planned_model(cell, samples)
-    ends = np.array(cell.joint_range)
-    gears = [
-        replace(p, prior=p.prior * gear_factor(cell.robot, j))
-        for j in range(cell.robot.n_joints)
-        for p in gear_curve(base.setup, ends, j, HIGHEST_GEAR_WAVE).make(None)
-    ]
+    gears = [p for gear in _expected_gears(cell, base.setup) for p in gear.parameters]
     declared = set(base.names)
     soft = compliance_parameters(base.setup) if base.setup.weighs else []
-    typical = 0.25  # of sizes of which most robots have little and few much: so sums of several mostly are
-    usual = [
-        replace(p, prior=p.prior * typical * cell.robot.priors.factor(name), group=name)
-        for name, own in usual_errors(Excitation.of(base.setup, samples))
-        for p in own
-    ]
+    usual = [p for family in _expected_usual(cell, base.setup, samples) for p in family.parameters]
     model = base.plus([*gears, *(p for p in soft if p.name not in declared), *usual])
     prior = np.where(np.isfinite(model.prior), model.prior, UNKNOWN_PRIOR)
     effects = [p for p in model.parameters if p.is_effect]

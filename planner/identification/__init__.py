@@ -5,6 +5,7 @@ __all__ = [
     "baseline",
     "calibrated_robot",
     "calibration",
+    "calibration_summary",
     "contenders",
     "contest",
     "contest_arena",

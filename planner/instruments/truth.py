@@ -1,7 +1,7 @@
 """The true errors and effects of a simulated robot: read from ``TRUTH.toml``, or drawn from their priors."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +17,7 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.files import read_utf8
 from planner.common.schema import StrictModel, read_toml, validate
 from planner.common.units import MM, UM, Array, read_only, si_unit
+from planner.design.free_parameters import expected_effects
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.effects.effect import Effect, Parameter, parameter_keys, unit_spellings
@@ -49,16 +50,20 @@ class TrueEffect:
 
 
 def effects_from_file(
-    path: Path | str, files: tuple[TruthEffectFile, ...], setup: MeasurementSetup, samples: Samples
+    path: Path | str,
+    files: tuple[TruthEffectFile, ...],
+    setup: MeasurementSetup,
+    samples: Samples,
+    more: Sequence[Effect] = (),
 ) -> tuple[TrueEffect, ...]:
-    """Return the effects that the file asks for.
+    """Return the effects that the file asks for: those of the catalogue that the samples can show, and ``more``.
 
     Raises:
         InputError: a kind that the catalogue does not have, or this run cannot show; a value or unit that does not fit.
     """
     if not files:
         return ()
-    offered = catalogue(setup, samples)
+    offered = (*catalogue(setup, samples), *more)
     return tuple(_read_effect(f"{path}: [[effects]] number {k}", f, offered) for k, f in enumerate(files, start=1))
 
 
@@ -75,9 +80,13 @@ def _read_effect(where: str, file: TruthEffectFile, offered: tuple[Effect, ...])
         raise InputError(f"{where}: {len(values)} values found, {effect.name} has {len(parameters)} ({names})")
     values += (0.0,) * (len(parameters) - len(values))
     factor = _unit_factor(where, file.unit, parameters[0].unit)
+    return TrueEffect(parameters, tuple(v * factor for v in values), _describe_effect(effect, file))
+
+
+def _describe_effect(effect: Effect, file: TruthEffectFile) -> str:
     inner = "" if file.inner is None else f", inner = {file.inner:g}"
-    said = f'{{kind = "{effect.kind}", on = "{effect.place}", value = {file.value}, unit = "{file.unit}"{inner}}}'
-    return TrueEffect(parameters, tuple(v * factor for v in values), said.replace("(", "[").replace(")", "]"))
+    value = list(file.value) if isinstance(file.value, tuple) else file.value
+    return f'{{kind = "{effect.kind}", on = "{effect.place}", value = {value}, unit = "{file.unit}"{inner}}}'
 
 
 def _find_effect(where: str, file: TruthEffectFile, offered: tuple[Effect, ...]) -> Effect:
@@ -157,7 +166,7 @@ class Truth:
         return (
             *(() if self.bound is None else (f"# {self.bound.text}",)),
             *said,
-            *(f"effects = {e.said}" for e in self.effects),
+            *([f"effects = [{', '.join(e.said for e in self.effects)}]"] if self.effects else []),
             f"gauge_um = {setup.gauge.noise / UM:.6g}",
             f"repeatability_mm = {setup.robot.repeatability / MM:.6g}",
         )
@@ -196,7 +205,8 @@ def read_truth(path: Path | Mapping[str, Any], cell: Cell, samples: Samples, cha
         if errors[k]:
             raise InputError(f"{where}: 'errors.{key}' gives {model.names[k]} a second time, in another unit")
         errors[k] = value * factor
-    return Truth(model, read_only(errors), effects_from_file(where, file.effects, model.setup, samples))
+    more = expected_effects(cell, model.setup, samples)
+    return Truth(model, read_only(errors), effects_from_file(where, file.effects, model.setup, samples, more))
 
 
 def _truth_of_run(path: Path) -> TruthFile:
@@ -212,7 +222,8 @@ def _truth_of_run(path: Path) -> TruthFile:
         raise InputError(f"{path}: a line '{TRUTH_LINE}…' is not as it was written: {err}") from err
     errors = {key: value for line in said for key, value in line.items() if key != "effects"}
     noise = {key: errors.pop(key) for key in NoiseFile.model_fields if key in errors}
-    effects = [line["effects"] for line in said if "effects" in line]
+    lists = [line["effects"] for line in said if "effects" in line]
+    effects = [e for each in lists for e in (each if isinstance(each, list) else [each])]  # one a line in older files
     content = {"schema": "edbb-truth/1", "errors": errors, "effects": effects, "noise": noise}
     return validate(content, TruthFile, str(path))
 
@@ -226,7 +237,12 @@ def _add_change(file: TruthFile, change: str) -> TruthFile:
     return file.model_copy(update={"errors": file.errors | {key: changed}})
 
 
-def draw_truth(cell: Cell, seed: int) -> Truth:
+def draw_expected_truth(cell: Cell, seed: int, samples: Samples) -> Truth:
+    """Draw a robot as the plan that measures ``samples`` expects it: :func:`draw_truth` with all of its forecast."""
+    return draw_truth(cell, seed, expected_effects(cell, setup_of(cell), samples))
+
+
+def draw_truth(cell: Cell, seed: int, more: Sequence[Effect] = ()) -> Truth:
     """Draw every error from its prior sigma, by its name: one robot in all cells of a seed.
 
     Where the cell says how far a robot errs at most before calibration, that robot's errors are made smaller by one
@@ -234,7 +250,8 @@ def draw_truth(cell: Cell, seed: int) -> Truth:
     direction of their load only. Fixtures that are set up by the robot stand where it truly comes, see
     :mod:`planner.instruments.set_up`.
     """
-    model = _truth_model(cell)
+    plain = _truth_model(cell)
+    model = plain.plus([p for effect in more for p in effect.parameters])
     drawn = [np.random.default_rng([seed, crc32(name.encode())]).standard_normal() for name in model.names]
     sizes = np.array(drawn) * set_up_sizes(cell, model)
     gives = np.array([is_joint_compliance(p) for p in model.parameters])
@@ -242,8 +259,19 @@ def draw_truth(cell: Cell, seed: int) -> Truth:
     if bound := bound_uncalibrated_errors(cell, model, errors):
         errors = np.where([p.group == "gauge" for p in model.parameters], errors, bound.factor * errors)
     errors = place_fixtures_by_robot(cell, model, errors)
-    short = [_round_value(p, float(v)) for p, v in zip(model.parameters, errors, strict=True)]
-    return Truth(model, read_only(short), bound=bound)
+    own = len(plain.parameters)
+    short = [_round_value(p, float(v)) for p, v in zip(plain.parameters, errors[:own], strict=True)]
+    ends = own + np.cumsum([len(effect.parameters) for effect in more], dtype=int)
+    values = np.split(errors[own:], ends[:-1] - own)
+    effects = tuple(_drawn_effect(e, v) for e, v in zip(more, values, strict=False))
+    return Truth(plain, read_only(short), effects, bound)
+
+
+def _drawn_effect(effect: Effect, values: Array) -> TrueEffect:
+    """Return an effect with these values [rad], as a line of ``TRUTH.toml`` writes them."""
+    short = tuple(round(float(v) / 1e-6, 4) for v in values)  # [µrad]
+    file = TruthEffectFile(kind=effect.kind, on=str(effect.place), value=short, unit="urad")
+    return TrueEffect(effect.parameters, tuple(v * 1e-6 for v in short), _describe_effect(effect, file))
 
 
 def _truth_model(cell: Cell) -> Model:

@@ -1,6 +1,7 @@
 """Predicted readings, identification Jacobian and noise of a set-up, and the document of what was identified."""
 
 __all__ = [
+    "calibration_summary",
     "columns",
     "finding",
     "finding_groups",

@@ -12,6 +12,7 @@ from planner.common.errors import InputError
 from planner.common.files import document_text
 from planner.common.schema import read_json, validate
 from planner.common.units import Array, to_mm
+from planner.model.calibration_summary import CalibrationSummary
 from planner.model.document_section import DocumentSection, Probability, Size, round_digits
 from planner.model.finding import Finding, RejectedEffect
 from planner.model.finding_groups import list_causes
@@ -299,6 +300,7 @@ class Identification(DocumentSection):
         worse_than_nominal: in what the robot that was fitted is worse than the nominal one; ``None`` where in nothing.
         use: whether the robot is good enough for a tolerance, where one was asked for.
         more: what more poses would bring, of a bar or a wire.
+        summary: what screen and page say first.
         problems: reasons not to use the result; empty when the fit passed its own checks.
         warnings: what a person should know.
         simulated: true where a run was simulated, else ``None``: nobody measured this robot.
@@ -307,7 +309,7 @@ class Identification(DocumentSection):
     """
 
     if_any = (
-        "release", "n_validation", "simulated", "worse_than_nominal", "use", "more", "angle_unit",
+        "release", "n_validation", "simulated", "worse_than_nominal", "use", "more", "summary", "angle_unit",
     )  # fmt: skip
     schema_: Literal["edbb-identification/1"]
     worse_than_nominal: str | None = None
@@ -334,6 +336,7 @@ class Identification(DocumentSection):
     frames: GaugeFrames = GaugeFrames()
     use: Use | None = None
     more: MorePoses | None = None
+    summary: CalibrationSummary | None = None
     problems: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     simulated: Literal[True] | None = None

@@ -5,6 +5,7 @@ from typing import Literal
 from planner.model.document_section import DocumentSection
 
 UseAnswer = Literal["yes", "no", "not known"]
+ToolName = Literal["measured", "own", "another"]
 
 
 class ToolUse(DocumentSection):
@@ -19,7 +20,7 @@ class ToolUse(DocumentSection):
     """
 
     if_any = ("share", "share_before", "answer")
-    tool: Literal["measured", "own", "another"]
+    tool: ToolName
     targets_within: float
     targets_within_before: float
     share: float | None = None

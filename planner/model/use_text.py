@@ -5,7 +5,7 @@ from math import ceil, floor, log10
 from planner.common.units import to_mm
 from planner.model.use_statement import ToolUse, Use
 
-TOOLS = {"measured": "the measured tool", "own": "its own tool", "another": "any other tool"}
+TOOLS = {"measured": "the measured tool point", "own": "its own tool", "another": "any other tool"}
 Row = tuple[str, ...]
 
 

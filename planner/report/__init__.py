@@ -17,5 +17,6 @@ __all__ = [
     "plan_data",
     "plan_report",
     "robot_drawing",
+    "scene",
     "standby",
 ]

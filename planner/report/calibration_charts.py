@@ -1,6 +1,6 @@
 """Charts of a calibration: errors before and after, residuals against every quantity, correlations."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,15 +8,16 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array, to_deg, to_mm
 from planner.identification.error_parts import error_parts, misfit_motion, misfit_place, open_misfit
 from planner.identification.released_robot import ReleasedRobot
+from planner.identification.suitability import ENOUGH, target_errors
 from planner.model.identification_document import error_size
 from planner.model.tool_error import tool_position
+from planner.model.use_text import TOOLS
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts, PlotVariable, error_along, error_by_pose
 from planner.report.chart import (
     BLACK,
     BLUE,
     GREEN,
     GREY,
-    ORANGE,
     RED,
     Chart,
     ColourField,
@@ -96,18 +97,19 @@ def _scatter(a: PlotVariable, error: Array, unit: str) -> Panel:
     return Panel("", a.label, f"error ({unit})", series, y_range=(-span, span), height=150)
 
 
-BEFORE, AFTER = ORANGE, BLUE
+BEFORE, AFTER = RED, BLUE
 
 
 class CalibrationCharts(NamedTuple):
     """Every picture of the report, by the part of the page that shows it, each part in the page's order."""
 
-    summary: tuple[Chart, ...]
-    run: tuple[Chart, ...]
-    stages: tuple[Chart, ...]
+    picture: tuple[Chart, ...]
+    proof: tuple[Chart, ...]
     findings: tuple[Chart, ...]
-    residuals: tuple[Chart, ...]
+    unseen: tuple[Chart, ...]
     correlations: tuple[Chart, ...]
+    residuals: tuple[Chart, ...]
+    computed: tuple[Chart, ...]
 
     @property
     def every(self) -> tuple[Chart, ...]:
@@ -121,15 +123,17 @@ def draw_calibration_charts(facts: CalibrationFacts) -> CalibrationCharts:
     if facts.calibration.run.samples.direction is not None:
         drawn.append(approach_chart(facts))
     released = facts.calibration.released
-    known = [] if released is None else [error_map_chart(facts, released)]
+    errors = histogram_chart(facts)
+    known = None if released is None else error_map_chart(facts, released)
     open_ = [] if released is None or misfit_place(released) is None else [misfit_chart(facts, released)]
     return CalibrationCharts(
-        summary=(histogram_chart(facts), *known),
-        run=(*open_, pose_chart(facts), *history_charts(facts)),
-        stages=(stage_chart(facts),),
+        picture=(known or errors,),
+        proof=(*([errors] if known else []), pose_chart(facts), stage_chart(facts)),
         findings=tuple(finding_chart(facts, told) for told in told_findings(facts) if told.steps),
-        residuals=tuple(drawn),
+        unseen=tuple(open_),
         correlations=(correlation_chart(facts),) if len(facts.calibration.fit.errors) > 1 else (),
+        residuals=tuple(drawn),
+        computed=tuple(history_charts(facts)),
     )
 
 
@@ -190,7 +194,7 @@ def correlation_chart(facts: CalibrationFacts) -> Chart:
 
 
 DRAWN_POSES = 400  # measured poses that are drawn
-FIELD_HEIGHT = 300  # [px] of a map
+FIELD_HEIGHT = 190  # [px] of a map
 LINE_HEIGHT = 170  # [px] of a line beneath it
 
 
@@ -200,42 +204,40 @@ def _reach_height(p: Array) -> tuple[Array, Array]:
 
 
 def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
-    """Draw the expected error by reach and height, before and after, and along each of the two.
+    """Draw the tool's error by reach and height, before and after, in the same colours.
 
-    It is that at the states at which the robot is judged. Its rms is the figure that leads the page, which is as likely
-    exceeded as not.
+    It is what 95 of 100 robots like this one stay below at each state, with the tool of the summary's figure.
     """
-    reach, height = _reach_height(robot.tool.position)
-    nominal, geometry, released = (to_mm(robot.likely_errors(fit)) for fit in (None, robot.geometry, robot.fit))
+    which = facts.summary.tool
+    own = () if robot.work_tool is None else (robot.work_tool,)
+    tools = {"measured": (robot.tool,), "own": own, "another": robot.other_tools}[which]
+    reach, height = _reach_height(np.concatenate([t.position for t in tools]))
+    before, after = (
+        to_mm(np.concatenate([np.quantile(target_errors(robot, fit, t), ENOUGH, axis=1) for t in tools]))
+        for fit in (None, robot.fit)
+    )
     x, y, near = _neighbourhoods(reach, height)
+    fields = [_blur(near, error) for error in (before, after)]
+    most = float(np.nanmax(fields[0]))
     samples = facts.calibration.run.samples
     few = samples.take(even_positions(len(samples), DRAWN_POSES))
     poses = _reach_height(tool_position(few, facts.calibration.setup))
-    edge: dict[str, Any] = {"x_range": (0.0, 1.03 * float(reach.max())), "y_range": (float(y[0]), float(y[-1]))}
-    labels = ("reach from the axis of the base (mm)", "height (mm)")
-    measured = Series("measured poses", *poses, BLACK, "points", size=3.0, opacity=0.6)
-    fields = tuple(
+    measured = Series("", *poses, BLACK, "points", size=2.5, opacity=0.5)
+    panels = tuple(
         Panel(
-            f"{title}: {digits(float(np.sqrt((error**2).mean())))} mm rms",
-            labels[0],
+            title,
+            "reach from the axis of the base (mm)",
             label,
             (measured,),
-            field=ColourField(x, y, _blur(near, error), "expected error (mm)"),
+            field=ColourField(x, y, field, "error (mm)", most),
+            x_range=(0.0, 1.03 * float(reach.max())),
+            y_range=(float(y[0]), float(y[-1])),
             height=FIELD_HEIGHT,
-            **edge,
         )
-        for title, label, error in (("nominal", labels[1], nominal), ("calibrated", "", released))
+        for title, label, field in (("before", "height (mm)", fields[0]), ("after", "", fields[1]))
     )
-    kinds = (("nominal", nominal, ORANGE), ("geometry", geometry, GREY), ("calibrated", released, BLUE))
-    lines = tuple(
-        Panel("", label, what, tuple(_rms_line(*kind, along) for kind in kinds), log_y=True, height=LINE_HEIGHT)
-        for label, what, along in ((labels[0], "expected error (mm, rms)", reach), (labels[1], "", height))
-    )
-    caption = (
-        "Error of the measured tool point that the run leaves to be expected, in any posture, the base aligned anew. "
-        "Each side has colours of its own. Points are measured poses: far from them the run knows less."
-    )
-    return Chart("expected_error", "Error to be expected over the workspace", caption, (*fields, *lines), columns=2)
+    caption = f"Error of the tool (mm) over the workspace, with {TOOLS[which]}. Dots: measured poses."
+    return Chart("expected_error", "Error over the workspace", caption, panels, columns=2)
 
 
 def misfit_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:

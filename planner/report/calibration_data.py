@@ -10,7 +10,9 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array, to_deg, to_mm
 from planner.effects.context import Context
 from planner.identification.calibration import Calibration
+from planner.identification.calibration_summary import summarize
 from planner.kinematics.geometry import bar_state
+from planner.model.calibration_summary import CalibrationSummary
 from planner.model.identification_document import Release, Stage, error_size
 from planner.model.model import chunks
 
@@ -72,6 +74,11 @@ class CalibrationFacts:
             rows = fit.model.rows(samples.take(part), fit.errors)[:, :3]
             square += np.einsum("nrp,nrp->p", rows, rows)
         return np.abs([error.get(n, 0.0) for n in fit.model.names]) * np.sqrt(square / len(samples))
+
+    @cached_property
+    def summary(self) -> CalibrationSummary:
+        """What the page says first, as the document has it."""
+        return self.calibration.summary or summarize(self.calibration)
 
     @cached_property
     def correlation(self) -> Array:

@@ -9,18 +9,18 @@ import planner.report.calibration_text as text
 from planner.common.units import to_deg, to_mm
 from planner.identification.calibration import Calibration, joint_zeros_text
 from planner.model.identification_document import Estimate, Metrics, Stage, error_size
-from planner.model.use_text import use_head, use_rows, verdict_text
+from planner.model.use_text import use_head, use_rows
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
-from planner.report.formatting import chance_text, count_text, decimals_of, in_mm
+from planner.report.formatting import chance_text, decimals_of, in_mm
 from planner.report.page import Report, Row
 
 
 def report_calibration(calibration: Calibration) -> Report:
-    """Return the page of a calibration, its first printed sheet a summary for the customer, and its pictures."""
+    """Return the page of a calibration: five things on its first screen, all else in sections that open on demand."""
     facts = CalibrationFacts(calibration)
     charts = draw_calibration_charts(facts)
-    content = calibration_content(facts) | {"shown": charts}
+    content = calibration_content(facts) | {"shown": charts, "picture": charts.picture[0]}
     return Report("calibration.html.j2", content, charts.every, small_pictures=True)
 
 
@@ -28,33 +28,27 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
     """Return the content of the page; tables are rows of texts."""
     outliers = 50  # that are listed
     c = facts.calibration
-    stages = [_stage(s) for s in c.stages]
-    # 6: stages up to which the first sheet lists all of them
-    first = stages if len(stages) <= 6 else [*stages[:3], ("all effects", *stages[-1][1:])]
     trials = sorted(c.diagnosis.trials, key=lambda t: t.p_value)
     return {
         "c": c,
+        "summary": facts.summary,
         "title": f"Calibration of {c.setup.robot.title}",
         "about": _about_text(c),
         "problems": text.refusal_text(c),
-        "headline": text.headline_text(facts),
-        "facts": _facts(facts),
+        "proof": (*text.proof_text(facts), text.held_out_text(c), text.noise_text(c)),
         "use": _use(c),
-        "stages": [*stages, *_release_row(c)],
-        "first_stages": [*first, *_release_row(c)],
-        "summary": text.findings_summary(c),
+        "stages": [*(_stage(s) for s in c.stages), *_release_row(c)],
+        "declared": text.declared_effects_text(c),
         "findings": text.finding_texts(facts),
+        "causes_about": text.causes_about(c),
         "limits": text.limit_table(c),
         "rejected": list(dict.fromkeys((r.name, r.because) for r in c.rejected))[:20],  # that are listed
         "joints": tuple(f"joint {j + 1}" for j in range(c.run.samples.q.shape[1])),
         "validated": any(s.validation is not None for s in c.stages),
         "read": c.setup.gauge.plural,
-        "written": text.released_text(c),
         "warnings": (*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
-        "held_out": text.held_out_text(c),
-        "noise": text.noise_text(c),
+        "open_parts": text.open_parts_text(c),
         "trials": [(t.along, chance_text(t.p_value), in_mm(t.rms, 2)) for t in trials],
-        "moved": _largest_changes(facts),
         "parameters": [_parameter(facts, e) for e in c.estimates if e.identifiable],
         "unseen": [_unseen_row(e) for e in c.estimates if not e.identifiable],
         "correlations": text.correlation_text(c.fit.model.names, facts.correlation) if len(c.fit.errors) > 1 else (),
@@ -62,6 +56,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "outliers_more": max(0, len(c.outliers) - outliers),
         "gauge": _gauge(facts),
         "zeros": joint_zeros_text(c),
+        "computed": text.computed_text(c),
     }
 
 
@@ -74,43 +69,12 @@ def _about_text(c: Calibration) -> str:
     return f"{'simulated' if c.simulated else 'measured'} run “{c.run.name}” · {kind}, {read}{plan}"
 
 
-def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
-    """The handful of numbers that a person asks for first: (what, value, remark)."""
-    c, before, after = facts.calibration, facts.placed_stage.held_out, facts.written_errors.held_out
-    unit = c.reading_unit
-    several, read = text.GROUP_NAMES[c.split.by][0], c.setup.gauge.plural
-    floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} {unit}"
-    was = f"was {in_mm(c.release.nominal_anywhere)} mm" if c.release is not None else "by the covariance alone"
-    return (
-        ("measured tool, rms", f"{in_mm(c.workspace_error)} mm", was),
-        *_other_tool(c),
-        (f"{read}, mean", f"{in_mm(after.mean)} {unit}", f"held out; was {in_mm(before.mean)} {unit}"),
-        ("largest", f"{in_mm(after.largest)} {unit}", f"held out; was {in_mm(before.largest)} {unit}"),
-        ("readings", count_text(len(c.run)), f"in {count_text(c.n_groups)} {several}"),
-        (
-            "parameters",
-            f"{len(c.fit.errors)} of {len({e.name for e in (*c.estimates, *c.last_fit)})}",
-            "seen and fitted",
-        ),
-        ("outliers", count_text(len(c.outliers)), floor),
-    )
-
-
 def _use(c: Calibration) -> dict[str, Any] | None:
-    """What the robot is good for: a sentence for a person, head and rows of a table."""
+    """What the robot is good for with each tool: head and rows of a table."""
     if (use := c.good_for) is None:
         return None
     repeats = "repeatability that is assumed" if use.repeatability_assumed else "repeatability in the robot's file"
-    return {"said": verdict_text(use), "head": use_head(use), "rows": use_rows(use), "repeats": repeats}
-
-
-def _other_tool(c: Calibration) -> list[Row]:
-    """The error of the tool that the robot works with, or of any that was not measured, beside the measured one's."""
-    if (r := c.release) is None:
-        return []
-    if (own := r.work_tool) is not None:
-        return [("own tool, rms", f"{in_mm(own.anywhere)} mm", f"was {in_mm(own.nominal_anywhere)} mm")]
-    return [("another tool, rms", f"{in_mm(r.other_tool)} mm", "at a point that was not measured")]
+    return {"head": use_head(use), "rows": use_rows(use), "repeats": repeats}
 
 
 def _stage(s: Stage) -> Row:
@@ -128,19 +92,6 @@ def _release_row(c: Calibration) -> list[Row]:
 
 def _metrics(m: Metrics | None) -> Row:
     return ("", "", "") if m is None else (in_mm(m.rms), in_mm(m.mean), in_mm(m.largest))
-
-
-def _largest_changes(facts: CalibrationFacts) -> list[Row]:
-    """The errors of the written robot that move the reading most: name, what, change, unit, by how much, absorbed."""
-    c = facts.calibration
-    by_name = {e.name: e for e in c.estimates}
-    shown = [(by_name[n], float(m)) for n, m in zip(c.fit.model.names, facts.moves, strict=True) if n in by_name]
-    robot = sorted((x for x in shown if x[0].group != "gauge"), key=lambda x: (-x[1], x[0].name))
-    rows = list[Row]()
-    for e, moves in robot[:5]:  # parameters on the first sheet
-        change = f"{_format(e, e.value - e.nominal, '+')} ± {_format(e, e.std)}"
-        rows.append((e.name, e.what, change, text.estimate_unit(e)[0], in_mm(moves, 2), ", ".join(e.absorbs)))
-    return rows
 
 
 def _parameter(facts: CalibrationFacts, e: Estimate) -> Row:

@@ -1,15 +1,15 @@
 """Sentences of a calibration's report: every number in them is one of the calibration's."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from planner.common.units import Array, display_unit, file_unit, si_unit, to_mm
+from planner.common.units import Array, display_unit, file_unit, si_unit
 from planner.identification.calibration import Calibration
 from planner.identification.error_parts import drift_counts
 from planner.identification.own_errors import own_errors_text
 from planner.model.finding import Finding, percent
-from planner.model.identification_document import DetectionLimit, Estimate, Release
+from planner.model.identification_document import DetectionLimit, Estimate
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, ToldFinding, told_findings
 from planner.report.formatting import count_text, decimals_of, digits, in_mm
@@ -54,84 +54,71 @@ GROUP_NAMES = {
 }
 
 
-def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
-    """Say what the calibration brought: the sentence that a customer reads; nothing where the fit may not be used."""
+def proof_text(facts: CalibrationFacts) -> tuple[str, ...]:
+    """Say what readings that no fit saw show: the error before and after."""
     c, groups = facts.calibration, GROUP_NAMES[facts.calibration.split.by][0]
-    unit = c.reading_unit
-    first, before, after = c.stages[0].held_out, facts.placed_stage.held_out, facts.written_errors.held_out
+    unit, read = c.reading_unit, c.setup.gauge.plural
+    before, after = facts.placed_stage.held_out, facts.written_errors.held_out
     if c.problems:
-        left = (
-            f"It leaves a mean error of {in_mm(after.mean)} {unit} on {groups} that it never saw; that says nothing of "
-            "the robot, only of the fit."
-        )
-        return (f"{c.worse_than_nominal or 'No robot was calibrated: the fit failed its own checks'}.", left)
-    out = [*_workspace_sentences(c)]
-    read = c.setup.gauge.plural
+        return (f"The fit leaves a mean error of {in_mm(after.mean)} {unit} on {groups} that it never saw.",)
     was, now = (f"{in_mm(m.mean)} {unit}" for m in (before, after))
-    out.append(f"Mean error of {read} {was} → {now} on {groups} that no fit saw.")
-    factor = before.mean / max(after.mean, 1e-300)
     a, b = (f"{in_mm(m.largest)} {unit}" for m in (before, after))
-    if factor >= 1.2:
-        fell = f"from {a} to {b}" if after.largest < before.largest else f"not: {a} before, {b} now"
-        out.append(f"That is {digits(factor, 2)} times less; the largest error fell {fell}.")
-    elif factor <= 1.0:
+    out = [f"Mean error of {read} {was} → {now} on {groups} that no fit saw; the largest {a} → {b}."]
+    if before.mean <= after.mean:
         out.append("The calibration brought nothing.")
-    if first.mean > 1.05 * before.mean:
-        out.append(f"Before the gauge's own place was fitted it was {in_mm(first.mean)} {unit}.")
-    own = own_errors_text(c)
-    out += [f"{own[0].upper()}{own[1:]}."] if own else []
     checks = [s.validation for s in (facts.placed_stage, facts.written_errors) if s.validation is not None]
     if len(checks) == 2:
         out.append(f"On the separate validation run: {in_mm(checks[0].mean)} {unit} → {in_mm(checks[1].mean)} {unit}.")
-    return (*out, *([] if c.release is None else _part_sentences(c.release)))
+    own = own_errors_text(c)
+    out += [f"{_capital(own)}."] if own else []
+    return tuple(out)
 
 
-def _workspace_sentences(c: Calibration) -> list[str]:
-    """Say how good the tool is expected to be anywhere: the figure that leads."""
+def open_parts_text(c: Calibration) -> tuple[str, ...]:
+    """Say how good the tool is over the workspace, of what that error is made, and where it is largest."""
     r = c.release
-    if r is None:
-        return [f"Error of the tool expected over the workspace: {in_mm(c.workspace_error)} mm rms."]
+    if r is None or c.problems:
+        return ()
     out = [
-        f"Error of the tool over the workspace, rms: {in_mm(r.nominal_anywhere)} mm → {in_mm(c.workspace_error)} mm "
-        f"(median; 95 % below {in_mm(r.at_most)} mm)."
+        f"Rms over the workspace: {in_mm(r.nominal_anywhere)} mm → {in_mm(c.workspace_error)} mm (95 % below "
+        f"{in_mm(r.at_most)} mm); with a tool that was not measured {in_mm(r.other_tool)} mm."
     ]
-    if (w := r.work_tool) is not None:
-        x, y, z = (f"{float(to_mm(v)):g}" for v in w.position)
-        out.append(
-            f"With the tool that the robot works with ({x}, {y}, {z} mm): {in_mm(w.nominal_anywhere)} mm → "
-            f"{in_mm(w.anywhere)} mm."
-        )
-    return out
-
-
-def _part_sentences(r: Release) -> list[str]:
-    """Say of what that error is made, and what no named cause explains."""
-    out = []
+    if r.where_measured is not None:
+        out.append(f"At poses like those measured {in_mm(r.where_measured)} mm are expected.")
     if (p := r.parts) is not None:
         out.append(
-            f"Of this {in_mm(p.seen)} mm come of noise and the number of readings, {in_mm(p.unseen)} mm are what more "
-            f"readings at these poses cannot show (scale, tool, other postures), {in_mm(p.misfit)} mm are misfit: what "
-            "causes without a name leave open, by poses that no fit saw and that are off beyond what was expected."
+            f"Of this, {in_mm(p.seen)} mm come from noise. More readings at these poses cannot show {in_mm(p.unseen)} "
+            f"mm: scale, tool, other postures. {in_mm(p.misfit)} mm are misfit: no named cause explains them."
         )
-        if r.where_measured is not None:
-            out.append(f"At poses like those measured {in_mm(r.where_measured)} mm are expected.")
         if drift_counts(p):
-            out.append(
-                f"{in_mm(p.drift)} mm of it is how far the arm moved in the time of the run: it is written as it was "
-                "on average."
-            )
+            out.append(f"The arm moved by {in_mm(p.drift)} mm in the time of the run; it is written as on average.")
     out += [f"No pose has shown {u.text(r.at_most)}." for u in r.not_shown]
     out.append(f"All this holds {r.warmth_text}.")
     if (place := r.misfit_place) is not None:
         like = "" if place.like is None else f"; it acts like {place.like}"
-        out.append(f"That misfit is {place.text(unit=' mm')}{like}.")
-    if (m := r.unexplained) is not None:
-        kept = ", which the robot as written follows where it was measured" if r.basis == "posterior" else ""
-        out.append(
-            f"Unnamed motion, {in_mm(m.anywhere)} mm rms over the workspace, is what the run itself shows of causes "
-            f"without a name{kept}; misfit is what stays open beside it."
-        )
-    return out
+        out.append(f"The misfit is {place.text(unit=' mm')}{like}.")
+    return tuple(out)
+
+
+def computed_text(c: Calibration) -> tuple[str, ...]:
+    """Say what was fitted and what was written."""
+    every = len({e.name for e in (*c.estimates, *c.last_fit)})
+    condition = digits(c.condition_number or np.inf)
+    return (
+        f"{count_text(len(c.run))} readings; {len(c.fit.errors)} of {every} parameters fitted. The condition number of "
+        f"the identification Jacobian, scaled by the prior sigmas, is {condition}.",
+        f"The robot as written is {released_text(c)}. ± is the root of the expected squared error of a parameter; what "
+        "the run says little of is drawn towards its nominal value.",
+        "The error over the workspace is judged with robots drawn from the posterior, the base aligned anew.",
+    )
+
+
+def causes_about(c: Calibration) -> str:
+    """Say how many causes were found."""
+    if c.tried is None:
+        return "not looked for"
+    sure = sum(not f.is_doubtful for f in c.findings)
+    return f"{sure} found or likely, {len(c.findings) - sure} doubtful, with rivals and pictures"
 
 
 def released_text(c: Calibration) -> str:
@@ -141,7 +128,7 @@ def released_text(c: Calibration) -> str:
         return "the last stage"
     if r.basis == "geometry":
         return "geometry alone"
-    mean = "the posterior of geometry and all effects"
+    mean = "the posterior mean of geometry and all effects"
     if r.share == 1.0:
         return mean
     return f"{r.share:.0%} of the step from geometry alone to {mean}; a larger step may make some robots worse"
@@ -207,10 +194,6 @@ def refusal_text(c: Calibration) -> tuple[str, ...]:
     return (f"Not to be used, for {len(c.problems)} reasons:", *(f"{p}." for p in c.problems))
 
 
-FAMILIAR = ("backlash", "gear ripple", "joint compliance", "encoder once a turn")  # what a mechanic asks for first
-NOTHING_FOUND = "Nothing beyond noise that the catalogue can name."
-
-
 def finding_texts(facts: CalibrationFacts) -> list[tuple[str, str, tuple[str, ...]]]:
     """Say what was found, in the order of the document: heading, name of the chart if there is one, evidence."""
     out, seen = list[tuple[str, str, tuple[str, ...]]](), dict[tuple[str, str], int]()
@@ -219,35 +202,6 @@ def finding_texts(facts: CalibrationFacts) -> list[tuple[str, str, tuple[str, ..
         for step in told.steps:
             seen.setdefault((step.before.name, step.after.name), number)
     return out
-
-
-def findings_summary(c: Calibration) -> Row:
-    """Say what was fitted by name, what was found and what would have been, for the first sheet."""
-    named = declared_effects_text(c)
-    if c.tried is None:
-        return named
-    first = c.findings[:6]  # findings on the first sheet
-    found = [_doubt(f) + _capital(f.note) + _probability_text(f) + _rivals_text(f.rival_texts) + "." for f in first]
-    found = found or [NOTHING_FOUND]
-    if more := c.findings[len(first) :]:
-        doubtful = sum(f.is_doubtful for f in more)
-        which = f", {'all' if doubtful == len(more) else doubtful} doubtful" if doubtful else ""
-        found.append(f"And {len(more)} more below{which}.")
-    return (*named, *found, *detection_text(c.limits))
-
-
-def detection_text(limits: Iterable[DetectionLimit]) -> Row:
-    """Say what familiar effects would have been seen from which size on, where they were not found."""
-    out = []
-    for kind in FAMILIAR:
-        own = [x for x in limits if x.effect == kind and _would_show(x)]
-        if own:
-            worst = max(own, key=lambda x: x.size)
-            unit, factor = display_unit(worst.unit, worst.size)
-            places = sum(x.on.startswith("joint ") for x in own)
-            where = f"of {worst.on}" if len(own) == 1 or not places else f"of {places} joints"
-            out.append(f"{kind} {where} above {digits(worst.size * factor, 2)} {unit}")
-    return (f"Would have been seen 95 times in 100: {'; '.join(out)}.",) if out else ()
 
 
 def _evidence(facts: CalibrationFacts, told: ToldFinding, seen: Mapping[tuple[str, str], int]) -> tuple[str, ...]:
@@ -333,18 +287,6 @@ def _rivals(cause: Finding) -> str:
         return f"{own}Rivals: none. {none[cause.grade]}"
     more = f" and {len(names) - named} more" if len(names) > named else ""
     return f"{own}Rivals that this run cannot tell from it: {', '.join(names[:named])}{more}."
-
-
-def _doubt(cause: Finding) -> str:
-    return "" if cause.grade == "found" else f"{cause.grade.capitalize()}: "
-
-
-def _probability_text(cause: Finding) -> str:
-    return "" if cause.probability is None else f" ({percent(cause.probability)})"
-
-
-def _rivals_text(rivals: Row) -> str:
-    return "" if not rivals else f" — or {rivals[0]}" + (f" or {len(rivals) - 1} more" if len(rivals) > 1 else "")
 
 
 def _chance(log_p: float) -> str:

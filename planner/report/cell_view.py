@@ -79,7 +79,7 @@ def _turn_profile(r: Array, z: Array, around: int = FACETS_AROUND) -> Mesh:
     return Mesh(vertices, np.vstack([np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)]))
 
 
-VIEW_FRAMES = 480  # states along the path there, shared by the fixtures
+VIEW_FRAMES = 360  # states along the path there, shared by the fixtures
 NO_POINTS: Array = np.empty((0, 3))
 LINKS = ("#D8D5CF", "#C3C0B9")  # neighbouring links are told apart by their shade
 TOOL, HOUSING, ROD, STAND = "#6B6B6B", ORANGE, "#303030", "#A89F91"

@@ -1,4 +1,4 @@
-"""A chart as data: what is drawn, not how; the page (plotly) and the prints (matplotlib) draw the same one."""
+"""A chart as data: what is drawn, not how; the page (SVG) and the pictures (matplotlib) draw the same one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +12,8 @@ BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 PURPLE, SKY, BLACK, GREY = "#CC79A7", "#56B4E9", "#222222", "#8A8A8A"
 JOINTS = (BLUE, ORANGE, GREEN, RED, PURPLE, BLACK, SKY)  # six joints without a second blue
 """Okabe and Ito's palette: told apart by every common kind of colour vision."""
+FIELD_SCALE = ("#FFFFCC", "#FFE692", "#FEBF5A", "#FD8C3C", "#F43D25", "#C90823", "#800026")
+"""From small to large: ColorBrewer's YlOrRd, on the page and in print."""
 Span = tuple[float, float]
 ROLES = {"calibrate": BLUE, "repeat": PURPLE, "validate": ORANGE, "mount": BLACK}
 
@@ -65,16 +67,20 @@ class ColourField:
         x, y: middles of the squares, (c,) and (r,), evenly apart.
         values: (r, c), not a number where nothing is known.
         label: what the colours stand for.
+        most: value of the darkest colour, the palest being zero; else both are those of the values.
     """
 
     x: Array
     y: Array
     values: Array
     label: str
+    most: float | None = None
 
     @property
     def span(self) -> Span:
         """Values of the palest and the darkest colour, a fifth apart at least: an even field looks even."""
+        if self.most is not None:
+            return 0.0, self.most
         low, high = float(np.nanmin(self.values)), float(np.nanmax(self.values))
         spare = max(0.0, 0.1 * (abs(low) + abs(high)) - (high - low)) / 2  # a tenth of the mean on either side
         return low - spare, high + spare
@@ -191,6 +197,17 @@ def log_ticks(span: Span, power: str) -> tuple[list[float], list[str]]:
     step = next(m for m in (1, 2, 5, 10) if m * 10.0**ten >= rough) * 10.0**ten
     values = [k * step for k in range(max(1, int(low / step) - 1), int(high / step) + 2)]
     return values, [f"{v:.{max(-ten, 0)}f}" for v in values]
+
+
+def linear_ticks(span: Span, most: int) -> tuple[list[float], list[str]]:
+    """Return where an even axis has ticks, at most about so many, and their texts."""
+    low, high = span
+    rough = max(high - low, 1e-300) / max(most, 1)
+    ten = int(np.floor(np.log10(rough)))
+    step = next(m for m in (1, 2, 5, 10) if m * 10.0**ten >= rough * (1 - 1e-9)) * 10.0**ten
+    places = max(0, -int(np.floor(np.log10(step) + 1e-9)))
+    values = [k * step for k in range(int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9)) + 1)]
+    return values, [f"{v + 0.0:.{places}f}" for v in values]
 
 
 def joint_series(x: Array, values: Array, width: float = 1.5) -> tuple[Series, ...]:

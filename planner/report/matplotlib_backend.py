@@ -19,6 +19,7 @@ from PIL import Image
 from planner.common.result import Plot
 from planner.report.chart import (
     BLUE,
+    FIELD_SCALE,
     POLAR_BASE,
     RED,
     Chart,
@@ -32,7 +33,6 @@ from planner.report.chart import (
 )
 
 DPI = 160  # dots an inch
-FIELD_COLOURS = "YlOrRd"
 LINE_COLOUR = "#666666"
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -218,7 +218,8 @@ def _heatmap(ax: Axes, cells: Heatmap) -> None:
 def _field(ax: Axes, field: ColourField) -> None:
     values = np.ma.masked_invalid(field.values)
     low, high = field.span
-    image = ax.pcolormesh(field.x, field.y, values, cmap=FIELD_COLOURS, vmin=low, vmax=high, shading="nearest")
+    colours = LinearSegmentedColormap.from_list("field", list(FIELD_SCALE))
+    image = ax.pcolormesh(field.x, field.y, values, cmap=colours, vmin=low, vmax=high, shading="nearest")
     bar = ax.figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03)
     bar.ax.tick_params(labelsize=8)
     bar.ax.spines["outline"].set_visible(False)

@@ -1,5 +1,6 @@
 """Reports: one page that needs nothing else, a PNG of each of its charts, and the page of a study."""
 
+import gzip
 import pickle
 import re
 from base64 import b64encode
@@ -17,16 +18,16 @@ from planner.common.result import NOT_MEASURED
 from planner.common.second_process import ForkedTask
 from planner.common.units import to_deg, to_mm
 from planner.report.cell_view import CellView
-from planner.report.cell_view_rendering import player_json, view_json
 from planner.report.chart import Chart
 from planner.report.formatting import count_text, digits, duration_text
-from planner.report.plotly_backend import chart_json
+from planner.report.scene import pack_scene
 from planner.report.standby import Pictures, draw_pictures, drawing_process
+from planner.report.svg_backend import chart_html
 
 Row = tuple[str, ...]
 FOLDER = Path(__file__).parent / "templates"
-PLOTLY = Path(__file__).parent / "static" / "plotly" / "plotly.min.js"
-"""What draws the charts: plotly.js with the traces of ``plotly_backend`` and ``cell_view_rendering`` alone."""
+STATIC = Path(__file__).parent / "static"
+VIEW_SCRIPTS = ("make.js", "orbit.js", "view3d.js")  # in the order in which each needs those before it
 
 
 def template_environment(folder: Path) -> jinja2.Environment:
@@ -115,7 +116,7 @@ class Report:
             ValueError: its template does not show every picture.
         """
         self.draw_beside()
-        left = {p.name: chart_json(p) if isinstance(p, Chart) else view_json(p) for p in self._pictures}
+        left = {c.name: chart_html(c) for c in self.charts}
         page = ENVIRONMENT.get_template(self.template).render(
             **self.content,
             identity=(f"edbb-planner {__version__}", *self.identity),
@@ -123,10 +124,9 @@ class Report:
             view=self.view,
             simulated=NOT_MEASURED if self.simulated else "",
             hand_edits=self.hand_edits,
-            print_of=lambda chart: b64encode(self.pngs[chart.name]).decode("ascii"),
-            figure_of=lambda picture: _safe_json(left.pop(picture.name)),
-            player_data=None if self.view is None else _safe_json(player_json(self.view)),
-            plotly=PLOTLY.read_text("utf-8"),
+            drawn=lambda chart: left.pop(chart.name),
+            scene="" if self.view is None else _safe_json(pack_scene(self.view).model_dump_json(exclude_none=True)),
+            **({} if self.view is None else _view_scripts()),
         )
         if left:
             raise ValueError(f"{self.template} does not show {', '.join(left)}")
@@ -148,6 +148,15 @@ class Report:
             paths.append(folder / "pictures" / f"{name}.png")
             write_bytes(paths[-1], data)
         return paths
+
+
+def _view_scripts() -> dict[str, str]:
+    """Return what draws the view in space: three.js, packed, and our own scripts as parts of one module."""
+    folder = STATIC / "view"
+    own = "".join((folder / name).read_text("utf-8") for name in VIEW_SCRIPTS)
+    own = re.sub(r"^import .*\n", "", own, flags=re.MULTILINE).replace("export ", "")
+    packed = gzip.compress((folder / "three" / "three.module.min.js").read_bytes(), 9, mtime=0)
+    return {"three": b64encode(packed).decode("ascii"), "view_script": own}
 
 
 def _safe_json(json_text: str) -> str:

@@ -8,12 +8,13 @@ import numpy as np
 import planner.report.formatting as text
 import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
-from planner.cell.reading import gauge_class
-from planner.common.summary import Aside, count_alike
+from planner.common.summary import Aside, count_alike, name_first
 from planner.common.units import to_deg, to_mm
-from planner.design.foresight_text import describe_goal
+from planner.design.bayesian_design import ErrorByNumber
+from planner.design.foresight_text import another_place_pays, describe_goal
 from planner.design.observability.information import INDEX_RULES
 from planner.report.cell_view import build_cell_view
+from planner.report.mounting import mounting_details, mounting_drawings, mounting_steps
 from planner.report.page import Report, Row
 from planner.report.plan_data import ParameterForecast, forecast_parameters, sample_drive, tour_orders
 from planner.session.plan_types import Drive, Plan
@@ -48,10 +49,14 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
     ahead += [plan_charts.index_chart(plan, plan.curve)] if plan.curve else []
     content = {
         "plan": plan,
-        "about": f"cell {plan.cell.name} · {plan.cell.gauge.describe(plan.cell)}",
-        "facts": _facts(plan) if forecast is None else _facts_without_index(plan),
-        "mounting": _mounting(plan),
-        "reading": (plan.cell.gauge.reading_text(plan.cell.file),),
+        "title": f"{'Session plan' if forecast is None else forecast.title} for {plan.cell.robot.title}",
+        "about": plan.cell.gauge.describe(plan.cell),
+        "headline": _headline(plan),
+        "expects": _expectation(plan, forecast),
+        "changes": _changes(plan),
+        "steps": mounting_steps(plan),
+        "drawings": mounting_drawings(plan),
+        "mounting": mounting_details(plan),
         "asked": count_alike(n for n in plan.notes if not isinstance(n, Aside)),
         "asides": [n for n in plan.notes if isinstance(n, Aside)],
         "certificate": text.certificate_text(plan) if forecast is None else (),
@@ -66,69 +71,52 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
     return Report("plan.html.j2", content, charts, build_cell_view(plan))
 
 
-def _facts(plan: Plan) -> tuple[Row, ...]:
-    """The handful of numbers that a person asks for first: (what, value, remark)."""
-    choice, drives = plan.choice, plan.drives
-    rule, bound = INDEX_RULES[choice.index], plan.certificate
-    proof, sets = "proven" if bound.verified else "not proven", f"any {bound.poses}" if bound.poses else "any number"
-    roles = [v.role for d in drives for v in d.visits]
-    extra = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
-    made = "calibrate" in roles
-    what_for = f"to calibrate{f', {extra}' if extra else ''}" if made else "to validate, at random"
-    free = len(choice.seen.names)
-    gap = max(rule.gap(choice.value, bound.value), 0.0)
-    beyond = f"at most {text.percent_text(gap)} from the bound" if plan.by_index else "did not choose the poses"
-    index = (  # where it did not choose the poses, the text below says it
-        (choice.index, text.digits(choice.value, 4), f"{rule.what}, {beyond}"),
-        ("bound", text.bound_text(bound.value, rule.maximise), f"{proof} for {sets} candidates"),
-    )
-    driving, clearance = _drive_facts(plan)
-    return (
-        driving,
-        ("poses", str(len(choice.q)), what_for),
-        *_expected_error(plan),
-        *(index if plan.expected_error is None else ()),
-        clearance,
-        ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
-    )
+def _headline(plan: Plan) -> str:
+    """Say how long it takes, and what it makes of the error where that is foreseen."""
+    minutes = sum(d.trajectory.duration_s for d in plan.drives) / 60
+    if (e := plan.expected_error) is None:
+        return f"{minutes:.0f} minutes of driving, {len(plan.choice.q)} poses"
+    return f"{minutes:.0f} minutes of driving: from about {_mm(e.before)} to {_mm(e.left)} mm"
 
 
-def _drive_facts(plan: Plan) -> tuple[Row, Row]:
-    """How long it drives, and how far from everything."""
-    driving, motion = sum(d.trajectory.duration_s for d in plan.drives), plan.cell.motion
-    both = "both ways, " if motion.both_ways and motion.is_continuous else ""
-    waits = f", {plan.reading_share}" if plan.reading_share else ""
-    return (
-        ("driving", text.duration_text(driving), f"{both}{motion.measure}{waits}"),
-        text.clearance_fact([v for d in plan.drives for v in d.verdicts], plan.cell),
-    )
+def _expectation(plan: Plan, forecast: Forecast | None) -> str:
+    """Say what to expect, for how many poses, and how safe the path is."""
+    roles = [v.role for d in plan.drives for v in d.visits]
+    more = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
+    poses = f"{len(plan.choice.q)} poses{f', {more}' if more else ''}."
+    _, gap, proven = text.clearance_fact([v for d in plan.drives for v in d.verdicts], plan.cell)
+    path = f"The path is free of collisions: nearest bodies {gap} apart, {proven}."
+    if forecast is not None:
+        return f"{forecast.purpose} {poses} {path}"
+    if (e := plan.expected_error) is None:
+        return (
+            f"The error that this leaves is not foreseen: the index {plan.choice.index} chose the poses. {poses} {path}"
+        )
+    goal = f" {describe_goal(e)}." if describe_goal(e) else ""
+    return f"95 of 100 robots of this kind end below {_mm(e.at_most)} mm (rms over the workspace).{goal} {poses} {path}"
 
 
-def _mounting(plan: Plan) -> list[str]:
-    """Say what a person sets up before the robot drives and where the program pauses; how long the gauge is there."""
-    cell, gauge = plan.cell, plan.cell.gauge
-    guide = gauge_class(cell.file).session_guide(cell.file)
-    lengths = [(d, gauge.length_text(d.visits[0].length)) for d in plan.drives]
-    starts = [f"At {gauge.session_names(cell, d.mounting)[0]} it is {length} long." for d, length in lengths if length]
-    return [*(f"{step.title}. {step.text}" for step in (*guide.before, *guide.at_start)), *starts]
+def _changes(plan: Plan) -> list[tuple[str, str]]:
+    """Return what would make it better or quicker, and what is not seen from here."""
+    rows, seen = list[tuple[str, str]](), plan.choice.seen
+    if (e := plan.expected_error) is not None:
+        better = [f for f in e.by_number if f.error < e.left and f.poses > len(e.after)]
+        rows += [(f"Better: --poses {f.poses}", _number_text(f)) for f in better[-1:]]
+        if another_place_pays(e):
+            rows.append(("Better: a second fixture, --fixtures 2", f"from here all poses leave {_mm(e.floor)} mm"))
+        rows += [(f"Quicker: --poses {f.poses}", _number_text(f)) for f in e.by_number[:1] if f.poses < len(e.after)]
+    if seen.dropped:
+        names = name_first([d.name for d in seen.dropped])
+        rows.append((f"Not seen from here: {names}", f"{len(seen.dropped)} of {len(seen.dropped) + len(seen.names)}"))
+    return rows
 
 
-def _facts_without_index(plan: Plan) -> tuple[Row, ...]:
-    """The same numbers of poses that no index has chosen."""
-    return (("poses", str(len(plan.choice.q)), "to tell what has changed"), *_drive_facts(plan))
+def _number_text(f: ErrorByNumber) -> str:
+    return f"{_mm(f.error)} mm" + ("" if f.minutes is None else f", about {f.minutes:.0f} min")
 
 
-def _expected_error(plan: Plan) -> tuple[Row, ...]:
-    """The error that the robot would keep, where the poses were chosen by that."""
-    if plan.expected_error is None:
-        return ()
-    expected = plan.expected_error
-    before, left, at_most = (f"{float(to_mm(v)):.3f} mm" for v in (expected.before, expected.left, expected.at_most))
-    return (
-        ("error now", before, f"of the tool, rms {expected.unknown.where}, {expected.unknown.before_label}"),
-        ("error after", left, f"95 of 100 such robots below {at_most}"),
-        *((("goal", *goal.split(": ")),) if (goal := describe_goal(expected)) else ()),
-    )
+def _mm(value: float) -> str:
+    return f"{float(to_mm(value)):.2f}" if value > 1e-4 else f"{float(to_mm(value)):.3f}"  # [m] a tenth of a mm
 
 
 def _tour_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:

@@ -19,8 +19,9 @@ from planner.instruments.circular.document import is_circular, load_circular_pla
 from planner.model.identification_document import Identification
 from planner.motion.collision.surroundings import check_surroundings
 from planner.report.cell_view import ShownMotion, ViewPose, tool_points, view_session
+from planner.report.scene import SceneView, ViewCloud, ViewLayer, pack_numbers, pack_scene
 from planner.runs.run import Run
-from planner.service.views import SceneView, ViewCloud, ViewLayer, check_view, pack_numbers, pack_scene, view_fixture
+from planner.service.views import check_view, view_fixture
 from planner.session.course import Course
 from planner.session.document import read_plan
 from planner.session.planned_session import load_session

@@ -1,10 +1,8 @@
 """What a page shows of a cell in space, as one document with packed numbers, and of a fixture moved in it."""
 
-from base64 import b64encode
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import tomli_w
 
 from planner.cell.cell import Cell
@@ -15,70 +13,8 @@ from planner.common.units import Array, from_mm, to_mm
 from planner.design.fixtures.addition import place_fixture
 from planner.design.fixtures.places import PlaceForecast, Status, forecast_place
 from planner.kinematics.bodies import Vector
-from planner.report.cell_view import CellView, Mesh, ViewFrames, carrier_poses, compose_cell_view
-
-STANDING = "#A89F91"
-
-
-class ViewPart(StrictModel):
-    """Triangles of one look, carried by one link (−1: nothing moves them): packed float32 and uint32."""
-
-    name: str
-    carrier: int
-    colour: str
-    opacity: float = 1.0
-    vertices: str
-    triangles: str
-
-
-class ViewLine(StrictModel):
-    """A path in space, packed float32 (x, y, z) in mm."""
-
-    name: str
-    points: str
-
-
-class ViewSpot(StrictModel):
-    """A measuring pose: where its point is (mm), and what is said of it."""
-
-    position_mm: tuple[float, float, float]
-    role: str
-    label: str
-
-
-class ViewLayer(StrictModel):
-    """One value at each point of a cloud, packed float32."""
-
-    name: str
-    values: str
-    rms: float
-
-
-class ViewCloud(StrictModel):
-    """Points in space, packed float32 (x, y, z) in mm, coloured by one of several values up to ``most``."""
-
-    what: str
-    unit: str
-    points: str
-    layers: list[ViewLayer]
-    most: float
-
-
-class SceneView(StrictModel):
-    """A cell in space, in mm; ``poses`` holds of every frame and carrier twelve float32, rows of (R | p)."""
-
-    cloud: ViewCloud | None = None
-
-    parts: list[ViewPart]
-    lines: list[ViewLine]
-    spots: list[ViewSpot]
-    carriers: int
-    frames: int
-    poses: str
-    labels: list[str]
-    low_mm: tuple[float, float, float]
-    high_mm: tuple[float, float, float]
-    floor_mm: float | None = None
+from planner.report.cell_view import ViewFrames, carrier_poses, compose_cell_view
+from planner.report.scene import SceneView, pack_scene, rounded_point
 
 
 class CellFact(StrictModel):
@@ -125,60 +61,8 @@ def check_view(cell: Cell) -> CellCheck:
         title=cell.name,
         facts=[CellFact(what=w, value=v) for w, v in facts],
         view=pack_scene(view),
-        fixtures=[FixtureSpot(name=f.name or "A", position_mm=_rounded_point(to_mm(f.p_BX))) for f in movable],
+        fixtures=[FixtureSpot(name=f.name or "A", position_mm=rounded_point(to_mm(f.p_BX))) for f in movable],
     )
-
-
-def pack_scene(view: CellView) -> SceneView:
-    """Return a view as its document: bodies by the link that carries them, numbers packed."""
-    parts = []
-    for m in view.moving:
-        colours = np.array(m.colours)
-        owner = m.carrier[m.mesh.triangles[:, 0]]
-        for carrier, colour in sorted({(int(c), str(k)) for c, k in zip(owner, colours, strict=True)}):
-            chosen = m.mesh.triangles[(owner == carrier) & (colours == colour)]
-            parts.append(_part(m.name, carrier, colour, Mesh(m.mesh.vertices, chosen)))
-    if view.standing is not None:
-        parts.append(_part("obstacles", -1, STANDING, view.standing))
-    parts += [_part("reach of the gauge", -1, "#56B4E9", s, 0.12) for s in view.shells]
-    lines = [ViewLine(name="measuring path", points=pack_numbers(p)) for p in view.paths]
-    lines += [ViewLine(name="path to the start", points=pack_numbers(p)) for p in view.ways]
-    poses = view.frames.poses
-    return SceneView(
-        parts=parts,
-        lines=lines,
-        spots=[ViewSpot(position_mm=_rounded_point(s.position), role=s.role, label=s.label) for s in view.spots],
-        carriers=poses.shape[1],
-        frames=len(poses),
-        poses=pack_numbers(poses),
-        labels=list(view.frames.labels),
-        low_mm=_rounded_point(view.low),
-        high_mm=_rounded_point(view.high),
-        floor_mm=view.floor,
-    )
-
-
-def _part(name: str, carrier: int, colour: str, mesh: Mesh, opacity: float = 1.0) -> ViewPart:
-    used, triangles = np.unique(mesh.triangles, return_inverse=True)
-    packed = b64encode(np.ascontiguousarray(triangles.ravel(), dtype="<u4").tobytes()).decode("ascii")
-    return ViewPart(
-        name=name,
-        carrier=carrier,
-        colour=colour,
-        opacity=opacity,
-        vertices=pack_numbers(mesh.vertices[used]),
-        triangles=packed,
-    )
-
-
-def pack_numbers(values: Array) -> str:
-    """Return numbers as 32-bit floats in base64: in a cell of metres that is 0.1 µm."""
-    return b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
-
-
-def _rounded_point(values: Array) -> tuple[float, float, float]:
-    x, y, z = (round(float(v), 3) for v in values)
-    return (x, y, z)
 
 
 def _vector_text(p: Array) -> str:

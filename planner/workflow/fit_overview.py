@@ -5,13 +5,14 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from planner.common.numbers import number_of
-from planner.common.summary import SCREEN_LINES, Aside, Fact, Summary, name_first, under_key
+from planner.common.summary import Aside, Fact, Summary, name_first, under_key
 from planner.common.units import MM, format_value, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
+from planner.identification.calibration_summary import summarize
 from planner.identification.error_parts import drift_counts, misfit_counts
 from planner.identification.own_errors import own_errors_text
+from planner.model.calibration_summary import CalibrationSummary, CauseLine
 from planner.model.finding import Finding, percent
-from planner.model.finding_groups import group_text
 from planner.model.identification_document import ErrorParts, Estimate, Metrics, Release
 from planner.model.use_text import taught_sentence, tolerance_sentence, use_sentence
 from planner.workflow.calibration_tables import border_unit
@@ -21,25 +22,41 @@ UNSEEN = "what more readings at these poses cannot show (scale, tool, other post
 BEYOND = 3.0  # times the expected size from which on a parameter is told to be beyond it
 
 
-def fit_overview(found: Calibration, lines: int = SCREEN_LINES - 3) -> Summary:
-    """Return the overview of an identification.
-
-    ``lines`` is how many facts the screen holds beside title, files and next step; causes take what the others leave.
-    """
+def fit_overview(found: Calibration) -> Summary:
+    """Return the overview of an identification: a title and seven lines at most, all else with ``--verbose``."""
     failed = bool(found.reason_not_to_use)
     release = None if failed else found.release
     said = "NOT calibrated" if failed else "calibrated"
     fitted, samples = len(found.last_fit), number_of(len(found.run), "sample")
-    first = [*_verdict_facts(found, release), _held_out_fact(found, release), *_cure_facts(found, release)]
-    last = [*([] if failed else _parameter_facts(found)), *_structure_facts(found)]
-    causes = [] if failed else list(_cause_facts(found, max(lines - len(first) - len(last), 2)))
     asides = {*found.asides, *(w for w in found.run.warnings if isinstance(w, Aside))}
     notes = [Aside(w) if w in asides else w for w in found.warnings]
     title = f"{found.run.name}: {found.robot} {said}; {fitted} parameters, {samples}"
-    # why the robot erred is asked for most: where lines are cut, the first cause that is no doubtful one stays
-    main = causes[0] if any(not c.is_doubtful for c in found.findings) and causes else None
-    again = causes if found.findings else []  # the details have each with its rivals
-    return Summary(title, [*first, *causes, *last], list(_details(found, release)), notes, main, again)
+    summary = found.summary or summarize(found)
+    causes = [_cause_fact(line) for line in summary.causes]
+    steps = [("better", f"{step.what}{f': {step.brings}' if step.brings else ''}") for step in summary.next_steps]
+    more = [
+        ("", summary.because),
+        *_verdict_facts(found, release),
+        _held_out_fact(found, release),
+        *_cure_facts(found, release),
+    ]
+    more += [*([] if failed else _parameter_facts(found)), *_structure_facts(found)]
+    facts = [*_summary_facts(summary), *steps, *causes]
+    # where lines are cut, the first cause beside the geometry stays: why the robot erred is asked for most
+    return Summary(title, facts, [*more, *_details(found, release)], notes, causes[1] if len(causes) > 1 else None)
+
+
+def _summary_facts(summary: CalibrationSummary) -> Iterator[Fact]:
+    """Say the verdict, and the one figure with its meaning."""
+    yield "verdict", summary.headline
+    if summary.figure:
+        yield "within", f"{summary.figure}  {summary.meaning}"
+
+
+def _cause_fact(line: CauseLine) -> Fact:
+    """Say a cause: how it is called by its probability, what and how large it is, and how sure that is."""
+    grade, _, sure = line.how_sure.partition(", ")
+    return grade, f"{line.what}: {line.size}{f' ({sure})' if sure else ''}"
 
 
 def is_hardly_better(found: Calibration) -> bool:
@@ -131,45 +148,15 @@ def _change_text(before: Metrics, after: Metrics, unit: str) -> str:
     return f"{_mm(before.mean)} → {_mm(after.mean)} {unit}  mean, {largest},"
 
 
-def _cause_facts(found: Calibration, most: int) -> Iterator[Fact]:
-    """Say which causes were found, ``most`` of them, those first that bring most; of doubtful ones one at most."""
-    if found.tried is None:
-        return
-    causes = found.findings
-    sure = sum(not c.is_doubtful for c in causes)
-    shown = causes[: min(max(sure, 1), most)]
-    for cause in shown:
-        more = _more_causes_text(causes[len(shown) :]) if cause is shown[-1] else ""
-        yield cause.grade, f"{_cause_text(cause)}{more}"
-    if not causes:
-        yield "found", "no cause beyond the geometry"
-
-
-def _more_causes_text(more: Sequence[Finding]) -> str:
-    """Say how many causes are not listed; empty where none."""
-    doubtful = sum(c.is_doubtful for c in more)
-    which = f", {'all' if doubtful == len(more) else doubtful} doubtful" if doubtful else ""
-    return f"; {len(more)} more{which}: -v" if more else ""
-
-
 def _rival_facts(found: Calibration) -> Iterator[Fact]:
     """Say of every cause what it is, and what else explains the same."""
+    if found.tried is not None and not found.findings:
+        yield "found", "no cause beyond the geometry"
     for cause in found.findings:
         surely = "" if cause.probability is None else f" ({percent(cause.probability)})"
         yield cause.grade, f"{cause.note}{surely}"
         if rivals := _rival_text(cause):
             yield "", rivals
-
-
-def _cause_text(cause: Finding) -> str:
-    """Say a cause in a line: its size, how sure it is, and how many others explain the same."""
-    said = group_text(cause.members) if cause.members else cause.note  # of many: each one's size stands below
-    surely = [] if cause.probability is None else [percent(cause.probability)]
-    if (others := len(cause.rivals)) > 0:
-        surely.append(f"or {number_of(others, 'other cause')}")
-    elif cause.grade != "found":
-        surely.append("or nothing")
-    return f"{said} ({', '.join(surely)})" if surely else said
 
 
 def _rival_text(cause: Finding) -> str:

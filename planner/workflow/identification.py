@@ -16,13 +16,14 @@ from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
-from planner.common.summary import SCREEN_LINES, Summary
+from planner.common.summary import Summary
 from planner.common.tables import NamedTable, Row, RowTable
 from planner.common.units import from_mm
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration
+from planner.identification.calibration_summary import summarize
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import (
     ExpectedErrorContent,
@@ -36,7 +37,7 @@ from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
 from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.identification.suitability import judge_use
-from planner.instruments.more_poses import foresee_more_poses
+from planner.instruments.more_poses import foresee_more_poses, minutes_a_pose
 from planner.instruments.precision import check_mastering
 from planner.instruments.simulation import SimulatedRun
 from planner.instruments.tracker_nests import compare_nest_distances
@@ -83,8 +84,7 @@ class CalibrationResult(FitAccess, FolderResult):
 
     def overview(self) -> Summary:
         """Return how far off the robot is before and after, and why."""
-        two_steps = can_be_told_apart(self.calibration)
-        return fit_overview(self.calibration, SCREEN_LINES - 3 - two_steps)
+        return fit_overview(self.calibration)
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``identification.json`` says."""
@@ -281,8 +281,10 @@ def _result(found: Calibration, cell: Cell, asked: IdentifyCall, stages: Stages)
     judged = _with_use(_beside_fleet(found, asked.fleet), cell, asked.tolerance_mm)
     released = None if judged.problems else judged.released
     content = None if released is None else expected_error_content(released, judged.run)
-    more = foresee_more_poses(judged, cell, content)
-    return CalibrationResult(judged.model_copy(update={"more": more}), cell, stages, content)
+    complete = judged.model_copy(update={"more": foresee_more_poses(judged, cell, content)})
+    tool = None if cell.file.use is None else cell.file.use.tool
+    summary = summarize(complete, tool, minutes_a_pose(judged.run, judged.n_groups))
+    return CalibrationResult(complete.model_copy(update={"summary": summary}), cell, stages, content)
 
 
 def _beside_fleet(found: Calibration, fleet: Path | str | None) -> Calibration:

@@ -14,7 +14,7 @@ from planner.common.errors import InputError
 from planner.common.schema import read_json, validate
 from planner.gauges.vision.images import BoardInImages, find_corners
 from planner.instruments.simulation import SAMPLE_RATE, planned_samples, simulate_run
-from planner.instruments.truth import draw_truth, read_truth
+from planner.instruments.truth import draw_expected_truth, read_truth
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 from planner.motion.planning_packages import has_judges
@@ -80,7 +80,7 @@ def simulate(asked: SimulateCall) -> SimulationResult:
     if change and drawn:
         raise InputError("a change is of a known robot: give its truth too (--truth), a file or its simulated run")
     known = (
-        draw_truth(cell, seed)
+        draw_expected_truth(cell, seed, samples)
         if truth is None
         else read_truth(truth if isinstance(truth, Mapping) else Path(truth), cell, samples, change)
     )

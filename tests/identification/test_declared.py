@@ -22,7 +22,7 @@ from planner.identification.pipeline import FitSettings, identify
 from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_truth
 from planner.model.model import Model
-from planner.report.calibration_text import findings_summary
+from planner.report.calibration_text import declared_effects_text
 from planner.report.formatting import digits
 from planner.runs.loader import load_run
 from planner.runs.run import Samples
@@ -180,7 +180,9 @@ def test_an_effect_that_nobody_knows_is_refused():
 
 def test_the_report_tells_the_declared_effect_with_its_values():
     found = identified(True)
-    (sentence,) = [s for s in findings_summary(found) if s.startswith("Fitted beside the geometry: joint compliance")]
+    (sentence,) = [
+        s for s in declared_effects_text(found) if s.startswith("Fitted beside the geometry: joint compliance")
+    ]
     for e in found.estimates:
         if e.group == "joint compliance" and e.identifiable:
             assert f"{e.name} {digits(1e6 * e.value)} ± {digits(1e6 * e.std, 2)} µrad/Nm" in sentence

@@ -210,8 +210,9 @@ def test_what_is_told_can_be_given_back(tmp_path):
     plan = plan_folder(tmp_path)
     run = simulated_run(plan, None, 4)
     noise = [line for line in run.truth if line.startswith(("gauge_um", "repeatability_mm"))]
-    errors = [line for line in run.truth if line not in noise]
-    text = "\n".join(["[errors]", *errors, "[noise]", *noise, ""])
+    effects = [line for line in run.truth if line.startswith("effects")]
+    errors = [line for line in run.truth if line not in (*noise, *effects)]
+    text = "\n".join([*effects, "[errors]", *errors, "[noise]", *noise, ""])
     again = simulated_run(plan, truth_file(tmp_path, text), 4)
     assert np.abs(again.readings.length - run.readings.length).max() < 1e-12
     assert all(line.startswith("# truth: ") for line in run.comments().splitlines())

@@ -91,19 +91,16 @@ def test_every_screen_of_a_fit_has_ten_lines(fitted, monkeypatch):
         monkeypatch.setattr(identification, "can_be_told_apart", lambda _, told=two_steps: told)
         made = with_traits(fitted, *traits)
         lines = screen_text(made, Path("calibrated")).splitlines()
-        causes, parts, validated, _, notes, state = traits
+        causes, _, _, _, notes, state = traits
         assert len(lines) <= SCREEN_LINES, (traits, lines)
         keys = [line[2:14].strip() for line in lines]
         wanted = ["written to"]
-        if state == "sound" and not notes:
-            wanted.append("validation" if validated else "held out")
-        wanted += ["good for", "tool error"] if state == "sound" else []
+        wanted += ["verdict", "within", "better"] if state == "sound" else ["verdict"]
         wanted += ["note"] if notes else []
-        wanted += ["misfit"] if parts is not None and parts.misfit and state == "sound" else []
         assert set(wanted) <= set(keys), (traits, lines)
         assert keys.count("next") == (state == "sound")
         if state != "sound":  # of what is not to be used nothing is a cause, and no error is what it leaves
-            assert not {"found", "likely", "doubtful", "good for", "tool error"} & set(keys), (traits, lines)
+            assert not {"found", "likely", "doubtful", "within"} & set(keys), (traits, lines)
             assert "do not use it" in lines[0] or "WORSE" in lines[0]
             continue
         sure = (causes or []).count(SURE)
@@ -111,7 +108,7 @@ def test_every_screen_of_a_fit_has_ten_lines(fitted, monkeypatch):
         assert leading is None or {SURE: "found", LIKELY: "likely"}[leading] in keys, (traits, lines)
         room = not notes and state == "sound" and tuple(traits[1:4]) == (None, False, 1)
         assert not room or keys.count("found") >= min(sure, 2)
-        assert not room or keys.count("likely") == (causes or []).count(LIKELY)
+        assert not room or keys.count("likely") >= min((causes or []).count(LIKELY), 1)
         facts = [line for line in lines if line[2:14].strip() not in ("next", "note")]
         assert max(map(len, facts)) <= 165, max(facts, key=len)
 

@@ -1,7 +1,7 @@
 import { find, finished, get, make, post, root, say, upload } from "./common.js";
 import { watchJob } from "./progress.js";
 import { offerRecord } from "./record.js";
-import { showView } from "./view3d.js";
+import { showView } from "./view/view3d.js";
 
 const { job, state } = document.body.dataset;
 watchJob();

@@ -1,6 +1,6 @@
 import { find, finished, get, givenOptions, plainName, post, send, root, say, showFacts } from "./common.js";
 import { FixtureEditor } from "./editor.js";
-import { showView } from "./view3d.js";
+import { showView } from "./view/view3d.js";
 
 const { cell, files } = document.body.dataset;
 const request = { cell, files: files ? JSON.parse(files) : [] };

@@ -1,16 +1,9 @@
 // What all pages share: requests, uploads, and following jobs.
+import { make } from "./view/make.js";
+
+export { make };
 
 export const find = (selector) => document.querySelector(selector);
-
-export function make(tag, attributes = {}, ...children) {
-  const node = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (value === false || value === null || value === undefined) continue;
-    if (name in node && name !== "list") node[name] = value; else node.setAttribute(name, value);
-  }
-  node.append(...children);
-  return node;
-}
 
 /** Where the service lies on its host: empty, or a path such as /edbb. */
 export const root = document.documentElement.dataset.root ?? "";

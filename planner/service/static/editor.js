@@ -1,5 +1,5 @@
 // The fixture of a cell, dragged in the 3D view or set by its coordinates; what is reached from there follows.
-import * as THREE from "./three/three.module.min.js";
+import * as THREE from "./view/three/three.module.min.js";
 import { find, finished, get, make, post, reach, root, say, showFacts } from "./common.js";
 
 const AXES = ["x", "y", "z"], PAUSE_MS = 350, REACH = "reach of the gauge";

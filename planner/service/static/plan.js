@@ -1,6 +1,6 @@
 import { find, finished, get, make, post, root, say } from "./common.js";
 import { watchJob } from "./progress.js";
-import { showView } from "./view3d.js";
+import { showView } from "./view/view3d.js";
 
 const { job, state } = document.body.dataset;
 watchJob();

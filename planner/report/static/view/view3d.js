@@ -1,7 +1,7 @@
 // The cell in space: bodies carried by links, a path, poses, and a slider through time. Lengths in mm, z up.
 import * as THREE from "./three/three.module.min.js";
 import { Orbit } from "./orbit.js";
-import { make } from "./common.js";
+import { make } from "./make.js";
 
 const ROLES = { calibrate: "#0072B2", repeat: "#009E73", validate: "#CC79A7", mount: "#E69F00" };
 const MANY = 100; // poses: more of them hide the robot, and so does their path
@@ -48,7 +48,7 @@ export class CellView {
     this.scene = new THREE.Scene();
     this.scene.add(...this.carriers);
     this.build();
-    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
     this.camera = new THREE.PerspectiveCamera(38, 1, 10, 60000);
     this.camera.up.set(0, 0, 1);

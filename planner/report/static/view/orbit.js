@@ -1,5 +1,5 @@
 // Turns a camera about a point by mouse, fingers and keys.
-import { Vector3 } from "./three/three.module.min.js";
+import * as THREE from "./three/three.module.min.js";
 
 const KEYS = {
   ArrowLeft: [-0.12, 0, 1], ArrowRight: [0.12, 0, 1], ArrowUp: [0, 0.1, 1], ArrowDown: [0, -0.1, 1],
@@ -41,7 +41,7 @@ export class Orbit {
 
   reset() {
     this.target = this.low.clone().add(this.high).multiplyScalar(0.5);
-    this.distance = 1.35 * this.low.distanceTo(this.high);
+    this.distance = 1.05 * this.low.distanceTo(this.high);
     this.around = 0.75;
     this.above = 0.42;
     this.move(0, 0, 1);
@@ -69,8 +69,8 @@ export class Orbit {
 
   shift(dx, dy) {
     const size = 1.4 * this.distance / this.stage.clientHeight * 0.5;
-    const right = new Vector3().setFromMatrixColumn(this.camera.matrix, 0);
-    const up = new Vector3().setFromMatrixColumn(this.camera.matrix, 1);
+    const right = new THREE.Vector3().setFromMatrixColumn(this.camera.matrix, 0);
+    const up = new THREE.Vector3().setFromMatrixColumn(this.camera.matrix, 1);
     this.target.addScaledVector(right, -dx * size).addScaledVector(up, dy * size);
     this.move(0, 0, 1);
   }

@@ -1,0 +1,59 @@
+"""What a calibration comes to, as screen, page and document say it: a verdict, a figure, causes, what to do next."""
+
+from planner.model.document_section import DocumentSection
+from planner.model.use_statement import ToolName, UseAnswer
+from planner.model.use_text import TOOLS, bound_text
+
+
+class CauseLine(DocumentSection):
+    """A cause of the robot's errors in a line: what, how large, and how sure that is."""
+
+    what: str
+    size: str
+    how_sure: str
+
+
+class NextStep(DocumentSection):
+    """Something to do, and what it brings: from how many millimetres to how many, and how long it takes."""
+
+    what: str
+    brings: str
+
+
+class CalibrationSummary(DocumentSection):
+    """The five things that a person asks for first.
+
+    Attributes:
+        answer: whether 95 of 100 targets are within the tolerance; "not known" too where none was stated.
+        headline: the same as a title.
+        because: what the answer rests on, in a sentence.
+        tolerance: that was stated [m]; ``None`` where none was.
+        tool: with which tool; the figure and the next steps are of this one.
+        targets_within, targets_within_before: what 95 of 100 targets stay within [m]; ``None`` where nothing is known.
+        causes: three at most, what takes most away first.
+        next_steps: two at most, what brings most first.
+    """
+
+    if_any = ("tolerance_mm", "within_mm", "within_before_mm")
+    answer: UseAnswer
+    headline: str
+    because: str
+    tolerance: float | None = None
+    tool: ToolName
+    targets_within: float | None = None
+    targets_within_before: float | None = None
+    causes: tuple[CauseLine, ...] = ()
+    next_steps: tuple[NextStep, ...] = ()
+
+    @property
+    def figure(self) -> str:
+        """The one figure, with its unit; empty where nothing is known."""
+        return "" if self.targets_within is None else bound_text(self.targets_within)
+
+    @property
+    def meaning(self) -> str:
+        """What the figure means, and what it was before."""
+        if self.targets_within is None or self.targets_within_before is None:
+            return ""
+        before = bound_text(self.targets_within_before)
+        return f"95 of 100 targets are within this with {TOOLS[self.tool]}. Before: {before}."

@@ -1,0 +1,108 @@
+"""How a gauge is mounted and set: numbered steps, and a drawing from the side with the numbers of the cell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.reading import gauge_class
+from planner.common.units import Array, to_mm
+from planner.report.cell_view import carrier_poses
+from planner.session.plan_types import Drive, Plan
+
+SIZE = np.array([480.0, 210.0])  # units of the drawing
+EDGE = (74.0, 40.0, 74.0, 38.0)  # units left of it, above, right and below, for what is written
+Point = tuple[float, float]
+
+
+def mounting_steps(plan: Plan) -> list[str]:
+    """Return what a person does before the first pose, step by step: what to screw where, which length to set."""
+    cell = plan.cell
+    guide = gauge_class(cell.file).session_guide(cell.file)
+    reading = f"{cell.gauge.reading_text(cell.file).partition('. ')[0].removesuffix('.')}."
+    if not cell.has_bar():
+        return [*(f"{step.title}: {step.text}" for step in (*guide.before, *guide.at_start)), reading]
+    noun, fixtures = cell.gauge.noun, dict.fromkeys(d.mounting.fixture for d in plan.drives)
+    steps = [
+        f"Set up fixture {cell.fixtures[k].name or 'A'}: the {noun}'s end at {_vector(cell.fixtures[k].p_BX)} mm of "
+        "the base. Within 10 mm is near enough."
+        for k in fixtures
+    ]
+    points = dict.fromkeys(d.mounting.point for d in plan.drives)
+    for k in points:
+        which = f", point {cell.tool.points[k].name}" if len(points) > 1 else ""
+        there = f"the {noun}'s other end at {_vector(cell.tool.points[k].p_FM)} mm of the flange"
+        steps.append(f"Screw the holder to the flange{which}: {there}.")
+    several = len(fixtures) > 1
+    pauses = [
+        f"{cell.gauge.length_text(d.visits[0].length)}{f' at fixture {cell.place_name(d.mounting)}' if several else ''}"
+        for d in plan.drives
+    ]
+    care = "to 1 mm, by a master or a ruler" if cell.gauge.zero_free else "by a master: the fit believes its zero"
+    steps.append(
+        f"Start the program. It pauses at the mount pose. Attach the {noun} and set its display to "
+        f"{', then '.join(pauses)}, {care}. Do not set it again."
+    )
+    return [*steps, reading]
+
+
+def mounting_details(plan: Plan) -> list[str]:
+    """Return the whole of what is said of mounting, with its tolerances."""
+    guide = gauge_class(plan.cell.file).session_guide(plan.cell.file)
+    steps = [f"{step.title}. {step.text}" for step in (*guide.before, *guide.at_start)]
+    return [*steps, plan.cell.gauge.reading_text(plan.cell.file)]
+
+
+@dataclass(frozen=True)
+class MountingDrawing:
+    """The upright plane through the axis of the base and a fixture, to scale; points in units of the drawing.
+
+    Attributes:
+        fixture, ball, flange, base: ends of the gauge, middle of the flange, foot of axis 1, (x, y) from the top left.
+        floor: height of what the fixture stands on.
+        away: how far the fixture is from axis 1 [mm]; position: of it in the frame of the base (3,) [mm].
+        gauge: the gauge and its length; holder: where its end sits in the frame of the flange, in words.
+        title: of the drawing.
+    """
+
+    fixture: Point
+    ball: Point
+    flange: Point
+    base: Point
+    floor: float
+    away: float
+    position: tuple[float, float, float]
+    gauge: str
+    holder: str
+    title: str
+
+
+def mounting_drawings(plan: Plan) -> list[MountingDrawing]:
+    """Return a drawing of base, fixture, gauge and holder at each mount pose; of bars and wires."""
+    return [_drawing(plan.cell, d) for d in plan.drives] if plan.cell.has_bar() else []
+
+
+def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
+    q = np.asarray(drive.visits[0].q)[None]
+    fixture = to_mm(cell.fixtures[drive.mounting.fixture].p_BX)
+    ball = to_mm(cell.at(drive.mounting).map_position(q)[0])
+    flange = carrier_poses(cell, drive.mounting, q)[0, cell.robot.n_joints, :, 3]
+    away = float(np.hypot(*fixture[:2]))
+    along = fixture[:2] / away if away > 1.0 else np.array([1.0, 0.0])  # [mm] a fixture on the axis itself
+    ground = min(0.0, float(fixture[2]), 0.0 if cell.base.floor is None else float(to_mm(cell.base.floor)))
+    flat = np.array([[p[:2] @ along, p[2]] for p in (fixture, ball, flange, np.array([0.0, 0.0, ground]))])
+    left, top, right, below = EDGE
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    scale = float(((SIZE - (left + right, top + below)) / np.maximum(high - low, 1.0)).min())
+    drawn = [left, SIZE[1] - below] + scale * (flat - low) * [1.0, -1.0]
+    points = [(round(float(x), 1), round(float(y), 1)) for x, y in drawn]
+    holder = cell.tool.points[drive.mounting.point].p_FM
+    x, y, z = (round(float(v)) for v in fixture)
+    length = cell.gauge.length_text(drive.visits[0].length)
+    title = f"Fixture {cell.place_name(drive.mounting)}, {cell.gauge.noun} and flange from the side"
+    gauge = f"{cell.gauge.noun} {length}"
+    return MountingDrawing(*points, points[3][1], away, (x, y, z), gauge, f"holder {_vector(holder)} mm", title)
+
+
+def _vector(p: Array) -> str:
+    return f"[{', '.join(f'{float(v):g}' for v in np.round(to_mm(p), 2) + 0.0)}]"
