@@ -17,6 +17,7 @@ from planner.model.use_text import TOOLS, bound_text, share_text
 
 Step = tuple[float, NextStep]
 """What a step takes off the error [m], and the step."""
+SECOND_POINT = "Measure 20 poses with a second tool point, 100 mm or more from the first"
 WORTH = 0.03  # part of the error that a step must take off to be named: less nobody notices
 
 
@@ -118,7 +119,10 @@ def _next_steps(c: Calibration, r: Release | None, tool: ToolName, pace: float |
     if used is None:
         used = c.workspace_error if r.work_tool is None else r.work_tool.anywhere
     steps = sorted(_steps(c, r, used, pace), key=lambda s: -s[0])
-    best = [step for gain, step in steps if gain > WORTH * used][:2]
+    best = [step for gain, step in steps if gain > WORTH * used]
+    if tool == "measured" and r.other_tool**2 - used**2 >= ANOTHER_TOOL_SHARE * r.other_tool**2:
+        brings = f"any other tool {_span(r.other_tool, used, None)} at best"
+        best.insert(1, NextStep(what=SECOND_POINT, brings=brings))
     correct = NextStep(what="Correct your programs: edbb compensate", brings="")
     enough = c.good_for is not None and any(t.tool == tool and t.answer == "yes" for t in c.good_for.tools)
     return ([correct, *best] if enough else [*best, correct])[:2]
@@ -128,8 +132,7 @@ def _steps(c: Calibration, r: Release, used: float, pace: float | None) -> Itera
     """Return what would make the error smaller, each with how much it takes off ``used`` [m]."""
     here, parts = c.workspace_error, r.parts
     if used**2 - here**2 >= ANOTHER_TOOL_SHARE * used**2:
-        point = "Measure 20 poses with a second tool point, 100 mm or more from the first"
-        yield used - here, NextStep(what=point, brings=_brings(20, pace, used, here, " at best"))
+        yield used - here, NextStep(what=SECOND_POINT, brings=_brings(20, pace, used, here, " at best"))
         return
     if c.more is not None:
         more = f"Measure {c.more.poses} more poses: edbb plan --after"

@@ -35,7 +35,8 @@ HOVERED = 400  # points of a series up to which each has its text under the poin
 
 def chart_html(chart: Chart) -> str:
     """Return the panels of a chart."""
-    panels = "".join(_polar(p) if p.rings else _panel(p) for p in chart.panels)
+    named: set[str] = set()
+    panels = "".join(_polar(p) if p.rings else _panel(p, named) for p in chart.panels)
     return f'<div class="panels columns{min(chart.columns, len(chart.panels))}">{panels}</div>'
 
 
@@ -87,14 +88,14 @@ def _seen_span(panel: Panel, axis: str) -> Span:
     return low - pad, high + pad
 
 
-def _panel(panel: Panel) -> str:
+def _panel(panel: Panel, named: set[str]) -> str:
     x, y = _axes(panel)
     inside = "".join(_series(s, x, y) for s in panel.series)
     under = _grid(panel, x, y) + "".join(_reference_line(line, x, y) for line in panel.limits)
     picture = _picture(panel, x, y)
     texts = "".join(_bar_texts(s, x, y) for s in panel.series) + "".join(_note(line, x, y) for line in panel.limits)
     wide = max((len(n) for n in panel.y_names), default=0)
-    style = f' style="--names:{min(wide, 34)}ch"' if wide else ""
+    style = f' style="--names:{min(wide, 34) + 2}ch"' if wide else ""
     names = [(y.percent(float(k)), name) for k, name in enumerate(panel.y_names)]
     down = [(p, escape(t)) for p, t in names] or y.ticks(max(3, panel.height // 55))  # [px] a tick
     across = (
@@ -107,7 +108,7 @@ def _panel(panel: Panel) -> str:
     feet = "".join(f'<span class="tick" style="left:{p}%">{t}</span>' for p, t in across)
     slanted = " slanted" if panel.cells else ""
     return (
-        f'<div class="panel"{style}>{_head(panel)}<div class="plot">'
+        f'<div class="panel"{style}>{_head(panel, named)}<div class="plot">'
         f'<div class="down">{f"<b>{escape(panel.y_label)}</b>" if panel.y_label else ""}{marks}</div>'
         f'<div class="square" style="height:{panel.height}px">{svg}{texts}</div>{_scale(panel)}'
         f'<div class="across{slanted}">{feet}</div>'
@@ -115,13 +116,14 @@ def _panel(panel: Panel) -> str:
     )
 
 
-def _head(panel: Panel) -> str:
-    """Title and legend."""
-    named = {s.name: s for s in panel.series if s.name} if len(panel.series) > 1 else {}
+def _head(panel: Panel, named: set[str]) -> str:
+    """Title, and legend of what no panel before has ``named``."""
+    new = {s.name: s for s in panel.series if s.name and s.name not in named} if len(panel.series) > 1 else {}
+    named |= new.keys()
     keys = "".join(
         f'<span class="key"><i class="{s.mark}{" dashed" if s.dashed else ""}" style="--c:{s.colour}"></i>'
         f"{escape(name)}</span>"
-        for name, s in named.items()
+        for name, s in new.items()
     )
     title = f"<b>{escape(panel.title)}</b>" if panel.title else ""
     return f'<div class="head">{title}<span class="keys">{keys}</span></div>' if title or keys else ""
@@ -260,7 +262,8 @@ def _polar(panel: Panel) -> str:
     spokes = "".join(_spoke(step * (POLAR_BASE + 3.4), angle) for angle in range(0, 360, 45))
     lines = "".join(_way_around(s, step * (POLAR_BASE + s.y / panel.rings)) for s in panel.series)
     return (
-        f'<div class="panel polar">{_head(panel)}<svg viewBox="0 0 {2 * MIDDLE} {2 * MIDDLE}" aria-hidden="true">'
+        f'<div class="panel polar">{_head(panel, set())}'
+        f'<svg viewBox="0 0 {2 * MIDDLE} {2 * MIDDLE}" aria-hidden="true">'
         f'<g class="rings">{rings}{spokes}</g>{lines}</svg></div>'
     )
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
@@ -11,29 +12,42 @@ from planner.common.units import to_mm
 from planner.design.free_parameters import undeclared_errors
 from planner.gauges.frame_gauge import ToolPosition
 from planner.instruments.simulation import simulate_run
-from planner.instruments.truth import Truth, draw_expected_truth, read_truth
+from planner.instruments.truth import draw_expected_truth, read_truth
 from planner.model.tool_error import tool_setup, uniform_states
 from planner.runs.run import Samples
+from planner.workflow.identification import identify
 from planner.workflow.plan_results import SimulationResult
+from planner.workflow.plan_use import simulate
+from planner.workflow.planning import plan
+from tests.identification.few_draws import few_draws
 
-CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "abb-irb6700/edbb", "ur10/edbb", "ur5e/edbb"]
+CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "abb-irb6700/edbb", "ur10/edbb", "ur5e/edbb", "comau-nj130/paper"]
+SEEDS = range(8)
 
 
-def tool_errors(cell, truth, believed=None, states=400):
-    """Rms of the tool's error [m] over the workspace, the base aligned anew, by forward kinematics alone."""
-    q = uniform_states(cell, states, 7)
-    samples = Samples.at(q)
-    model, errors = truth.complete_model()
+def tool_positions(cell, model, errors, q):
+    """Where the tool point of a robot with such errors comes, (n, 3) [m], by forward kinematics alone."""
     own = [k for k, p in enumerate(model.parameters) if not p.name.startswith(("fixture", "zero"))]
-    bench = tool_setup(replace(setup_of(cell)), cell.tool.p_FM)
-    tool = replace(model.subset(own), setup=replace(model.setup, gauge=ToolPosition(noise=0.0), p_BX=bench.p_BX))
-    aim = tool.reading(samples) if believed is None else believed(q)
-    off = (tool.reading(samples, errors[own]) - aim).ravel()
-    p = aim - aim.mean(axis=0)
-    turns = np.stack([np.cross(axis, p) for axis in np.eye(3)], axis=2).reshape(-1, 3)
+    bench = replace(model.setup, gauge=ToolPosition(noise=0.0), p_BX=tool_setup(setup_of(cell), cell.tool.p_FM).p_BX)
+    return replace(model.subset(own), setup=bench).reading(Samples.at(q), errors[own])
+
+
+def apart(p, aim):
+    """Rms distance [m] of positions (n, 3) over the workspace, the base aligned anew."""
+    off, about = (p - aim).ravel(), aim - aim.mean(axis=0)
+    turns = np.stack([np.cross(axis, about) for axis in np.eye(3)], axis=2).reshape(-1, 3)
     base = np.hstack([np.tile(np.eye(3), (len(p), 1)), turns])
     left = off - base @ np.linalg.lstsq(base, off, rcond=None)[0]
     return float(np.sqrt((left**2).sum() / len(p)))
+
+
+def true_error(cell, truth, fit=None, states=400):
+    """Rms error of the tool over the workspace [m]: of the nominal robot, or of a fitted one."""
+    q = uniform_states(cell, states, 7)
+    model, errors = truth.complete_model()
+    if fit is None:
+        return apart(tool_positions(cell, model, errors, q), tool_positions(cell, model, 0 * errors, q))
+    return apart(tool_positions(cell, model, errors, q), tool_positions(cell, fit.model, fit.errors, q))
 
 
 @pytest.mark.parametrize("name", CELLS[:3])
@@ -42,7 +56,7 @@ def test_robots_are_as_far_off_as_the_plan_says_before_it(name):
     samples = Samples.at(uniform_states(cell, 50, 0))
     unknown = undeclared_errors(cell, samples)
     said = unknown.state(float(np.trace(unknown.weight_per_prior)))
-    drawn = [tool_errors(cell, draw_expected_truth(cell, seed), states=150) for seed in range(60)]
+    drawn = [true_error(cell, draw_expected_truth(cell, seed, samples), states=150) for seed in range(60)]
     assert np.sqrt(np.mean(np.square(drawn))) == pytest.approx(said, rel=0.15)
 
 
@@ -50,12 +64,25 @@ def test_the_gears_of_a_drawn_robot_are_read_back_from_its_run(tmp_path):
     cell = load_cell("kuka-kr6-r700/edbb")
     samples = Samples.at(uniform_states(cell, 20, 3))
     truth = draw_expected_truth(cell, 4, samples)
-    run = simulate_run(cell, "plan", samples, truth, 4)
-    SimulationResult(run).write(tmp_path / "run.csv")
+    SimulationResult(simulate_run(cell, "plan", samples, truth, 4)).write(tmp_path / "run.csv")
     again = read_truth(tmp_path / "run.csv", cell, samples)
-    assert isinstance(again, Truth)
     assert len(truth.effects) > cell.robot.n_joints
     (model, errors), (same, values) = truth.complete_model(), again.complete_model()
     assert same.names == model.names
     assert np.allclose(errors, values, rtol=0, atol=1e-12)
-    assert to_mm(tool_errors(cell, truth)) > 0.1
+    assert to_mm(true_error(cell, truth)) > 0.1
+
+
+@pytest.mark.long
+def test_a_trial_ends_within_what_its_plan_said_in_90_of_100():
+    within = []
+    for name in CELLS:
+        planned = plan(name, poses=80)
+        expected = planned.plan.expected_error
+        for seed in SEEDS:
+            run = simulate(planned, seed=seed).run
+            with few_draws():
+                found = identify(run, plan=planned).calibration
+            truth = draw_expected_truth(planned.plan.cell, seed, run.samples)
+            within.append(true_error(planned.plan.cell, truth, found.released.fit) <= expected.at_most)
+    assert binom.cdf(sum(within), len(within), 0.9) > 0.01, within
