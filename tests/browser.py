@@ -28,7 +28,7 @@ OPENED = "document.querySelectorAll('details').forEach((d) => { d.open = true; }
 IN_SPACE = '() => !document.querySelector("#scene") || document.querySelector("#view canvas, #view p")'
 # a chart is drawn where something of its panels has a size; the view in space has a canvas
 EMPTY = """() => [...document.querySelectorAll(".chart, #view")].filter((place) => {
-    const marks = [...place.querySelectorAll("svg path:not(.grid), svg image, canvas")];
+    const marks = [...place.querySelectorAll("svg path:not(.grid), svg g.series, svg image, canvas")];
     return !marks.some((m) => { const r = m.getBoundingClientRect(); return r.width + r.height > 0; });
   }).map((e) => e.id)"""
 TICKS = r"""() => [...document.querySelectorAll(".chart")].flatMap((chart) =>

@@ -50,7 +50,7 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
     content = {
         "plan": plan,
         "title": f"{'Session plan' if forecast is None else forecast.title} for {plan.cell.robot.title}",
-        "about": plan.cell.gauge.describe(plan.cell),
+        "about": f"cell {plan.cell.name} · {plan.cell.gauge.describe(plan.cell)}",
         "headline": _headline(plan),
         "expects": _expectation(plan, forecast),
         "changes": _changes(plan),
