@@ -26,7 +26,8 @@ from planner.report.svg_backend import chart_html
 
 Row = tuple[str, ...]
 FOLDER = Path(__file__).parent / "templates"
-STATIC = Path(__file__).parent / "static"
+VIEW_FOLDER = Path(__file__).parent / "static" / "view"
+"""What draws the cell in space, in reports and in the pages of the service."""
 VIEW_SCRIPTS = ("make.js", "orbit.js", "view3d.js")  # in the order in which each needs those before it
 
 
@@ -152,10 +153,9 @@ class Report:
 
 def _view_scripts() -> dict[str, str]:
     """Return what draws the view in space: three.js, packed, and our own scripts as parts of one module."""
-    folder = STATIC / "view"
-    own = "".join((folder / name).read_text("utf-8") for name in VIEW_SCRIPTS)
+    own = "".join((VIEW_FOLDER / name).read_text("utf-8") for name in VIEW_SCRIPTS)
     own = re.sub(r"^import .*\n", "", own, flags=re.MULTILINE).replace("export ", "")
-    packed = gzip.compress((folder / "three" / "three.module.min.js").read_bytes(), 9, mtime=0)
+    packed = gzip.compress((VIEW_FOLDER / "three" / "three.module.min.js").read_bytes(), 9, mtime=0)
     return {"three": b64encode(packed).decode("ascii"), "view_script": own}
 
 

@@ -6,13 +6,11 @@ from pathlib import Path
 from fastapi.responses import HTMLResponse
 
 from planner import __version__
-from planner.report import page
 from planner.report.page import template_environment
 from planner.service.callers import CALLER
 
 FOLDER = Path(__file__).parent
 STATIC = FOLDER / "static"
-VIEW = page.STATIC / "view"  # the view in space, which reports show too
 ENVIRONMENT = template_environment(FOLDER / "templates")
 ENVIRONMENT.globals["version"] = __version__
 

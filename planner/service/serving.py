@@ -13,6 +13,7 @@ from starlette.types import ASGIApp
 
 from planner import __version__
 from planner.common.errors import InputError
+from planner.report.page import VIEW_FOLDER
 from planner.service.access import check_access, check_rules
 from planner.service.access_log import AccessLog, open_log
 from planner.service.callers import CallerFinder
@@ -39,7 +40,7 @@ from planner.service.private_store import DATABASE, keep_private
 from planner.service.problems import MEDIA_TYPE, Problem
 from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
-from planner.service.rendering import STATIC, VIEW
+from planner.service.rendering import STATIC
 from planner.service.settings import GB, JobShares, ServiceSettings
 from planner.service.tick_store import TickStore
 from planner.service.ticks import TICKS
@@ -140,7 +141,7 @@ def build_app(context: ServiceContext) -> FastAPI:
     for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, TICKS, DEEDS, METRICS, LOGIN, PAGES):
         app.include_router(router)
     check_rules(app)
-    app.mount("/static/view", StaticFiles(directory=VIEW), name="view")
+    app.mount("/static/view", StaticFiles(directory=VIEW_FOLDER), name="view")
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     describe = app.openapi
 
