@@ -138,7 +138,9 @@ class CalibrationPage:
 
     @property
     def verdict(self) -> str:
-        """Say for what the robot is good enough, by the tolerance that was asked for, else by the error it keeps."""
+        """Say for what the robot is good enough, as its report does; of an older document by the error it keeps."""
+        if (summary := self.document.summary) is not None:
+            return f"{summary.headline}. {summary.because}"
         if self.document.use is not None:
             return verdict_text(self.document.use)
         if (r := self.document.release) is None:
