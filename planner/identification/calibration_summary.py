@@ -17,8 +17,7 @@ from planner.model.use_text import TOOLS, bound_text, share_text
 
 Step = tuple[float, NextStep]
 """What a step takes off the error [m], and the step."""
-SECOND_POINT = "Measure 20 poses with a second tool point, 100 mm or more from the first"
-WORTH = 0.03  # part of the error that a step must take off to be named: less nobody notices
+SECOND_POINT = "Measure 20 poses with a second tool point"
 
 
 def summarize(c: Calibration, tool: ToolName | None = None, minutes_a_pose: float | None = None) -> CalibrationSummary:
@@ -29,7 +28,7 @@ def summarize(c: Calibration, tool: ToolName | None = None, minutes_a_pose: floa
         tool: the tool that will be used; by default the one that the cell names as the robot's own, else the measured.
         minutes_a_pose: how long a pose of the run took, where that is known.
     """
-    r = None if c.problems else c.release
+    r = None if c.reason_not_to_use else c.release
     own = r is not None and r.work_tool is not None
     used: ToolName = (tool if tool != "own" or own else None) or ("own" if own else "measured")
     use = None if r is None else _use_of(c)
@@ -43,7 +42,7 @@ def summarize(c: Calibration, tool: ToolName | None = None, minutes_a_pose: floa
         tool=used,
         targets_within=None if mine is None else mine.targets_within,
         targets_within_before=None if mine is None else mine.targets_within_before,
-        causes=() if c.problems else tuple(_causes(c))[:3],
+        causes=() if c.reason_not_to_use else tuple(_causes(c))[:3],
         next_steps=tuple(_next_steps(c, r, used, minutes_a_pose)),
     )
 
@@ -119,7 +118,8 @@ def _next_steps(c: Calibration, r: Release | None, tool: ToolName, pace: float |
     if used is None:
         used = c.workspace_error if r.work_tool is None else r.work_tool.anywhere
     steps = sorted(_steps(c, r, used, pace), key=lambda s: -s[0])
-    best = [step for gain, step in steps if gain > WORTH * used]
+    # 0.03: part of the error that a step must take off to be named: less nobody notices
+    best = [step for gain, step in steps if gain > 0.03 * used]
     if tool == "measured" and r.other_tool**2 - used**2 >= ANOTHER_TOOL_SHARE * r.other_tool**2:
         brings = f"any other tool {_span(r.other_tool, used, None)} at best"
         best.insert(1, NextStep(what=SECOND_POINT, brings=brings))

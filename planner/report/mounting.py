@@ -10,8 +10,6 @@ from planner.common.units import Array, to_mm
 from planner.report.cell_view import carrier_poses
 from planner.session.plan_types import Drive, Plan
 
-SIZE = np.array([480.0, 210.0])  # units of the drawing
-EDGE = (74.0, 40.0, 74.0, 38.0)  # units left of it, above, right and below, for what is written
 Point = tuple[float, float]
 
 
@@ -91,10 +89,11 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
     along = fixture[:2] / away if away > 1.0 else np.array([1.0, 0.0])  # [mm] a fixture on the axis itself
     ground = min(0.0, float(fixture[2]), 0.0 if cell.base.floor is None else float(to_mm(cell.base.floor)))
     flat = np.array([[p[:2] @ along, p[2]] for p in (fixture, ball, flange, np.array([0.0, 0.0, ground]))])
-    left, top, right, below = EDGE
+    size = np.array([480.0, 210.0])  # units of the drawing
+    left, top, right, below = 74.0, 40.0, 74.0, 38.0  # units of its margins, for what is written
     low, high = flat.min(axis=0), flat.max(axis=0)
-    scale = float(((SIZE - (left + right, top + below)) / np.maximum(high - low, 1.0)).min())
-    drawn = [left, SIZE[1] - below] + scale * (flat - low) * [1.0, -1.0]
+    scale = float(((size - (left + right, top + below)) / np.maximum(high - low, 1.0)).min())
+    drawn = [left, size[1] - below] + scale * (flat - low) * [1.0, -1.0]
     points = [(round(float(x), 1), round(float(y), 1)) for x, y in drawn]
     holder = cell.tool.points[drive.mounting.point].p_FM
     x, y, z = (round(float(v)) for v in fixture)

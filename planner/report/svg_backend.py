@@ -30,7 +30,6 @@ from planner.report.chart import (
 
 GRID = 2000  # units of a panel in either direction: finer than the dots of a screen
 MIDDLE = 300  # units of a polar panel from its edge to its middle
-HOVERED = 400  # points of a series up to which each has its text under the pointer
 
 
 def chart_html(chart: Chart) -> str:
@@ -146,7 +145,7 @@ def _series(s: Series, x: _Axis, y: _Axis) -> str:
     if s.mark == "points":
         look = f'class="dots" stroke="{s.colour}" stroke-width="{s.size:g}"'
         look += "" if s.opacity == 1.0 else f' opacity="{s.opacity:g}"'
-        if s.hover and len(at) <= HOVERED:
+        if s.hover and len(at) <= 400:  # points up to which each has its text under the pointer
             each = (
                 f'<path d="M{a} {b}h0"><title>{escape(t)}</title></path>' for (a, b), t in zip(at, s.hover, strict=True)
             )
