@@ -395,8 +395,6 @@ class CellFile(OptionalKeys):
         )  # fmt: skip
         for what, placed in kinds:
             for (one, here), (other, there) in combinations(placed, 2):
-                if (
-                    apart := dist(here, there)
-                ) < 1.0:  # [mm] less between two fixtures or tool points, and they are one
+                if (apart := dist(here, there)) < 1.0:  # [mm] nearer they are one
                     raise ValueError(f"{what} '{one}' and '{other}' stand at one place ({apart:g} mm apart)")
         return self
