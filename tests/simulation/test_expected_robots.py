@@ -50,14 +50,14 @@ def true_error(cell, truth, fit=None, states=400):
     return apart(tool_positions(cell, model, errors, q), tool_positions(cell, fit.model, fit.errors, q))
 
 
-@pytest.mark.parametrize("name", CELLS[:3])
+@pytest.mark.parametrize("name", CELLS[:2])
 def test_robots_are_as_far_off_as_the_plan_says_before_it(name):
     cell = load_cell(name)
     samples = Samples.at(uniform_states(cell, 50, 0))
     unknown = undeclared_errors(cell, samples)
     said = unknown.state(float(np.trace(unknown.weight_per_prior)))
-    drawn = [true_error(cell, draw_expected_truth(cell, seed, samples), states=150) for seed in range(60)]
-    assert np.sqrt(np.mean(np.square(drawn))) == pytest.approx(said, rel=0.15)
+    drawn = [true_error(cell, draw_expected_truth(cell, seed, samples), states=100) for seed in range(30)]
+    assert np.sqrt(np.mean(np.square(drawn))) == pytest.approx(said, rel=0.2)
 
 
 def test_the_gears_of_a_drawn_robot_are_read_back_from_its_run(tmp_path):
