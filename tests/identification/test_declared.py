@@ -130,7 +130,7 @@ def test_predicted_and_found_standard_deviations_agree():
     assert np.all(np.abs(ratio / np.median(ratio) - 1) < 0.35), dict(zip(model.names, ratio, strict=True))
 
 
-@pytest.mark.parametrize("tool", [0.0, 1.9e-6])
+@pytest.mark.parametrize("tool", [pytest.param(0.0, marks=pytest.mark.long), 1.9e-6])
 def test_all_parameters_come_back_as_their_joint_chi_square_allows(tool):
     """Signed compliances of the size of Table 8 and errors in all 25 of the arm's own, over several arms.
 

@@ -124,7 +124,11 @@ def prior_of(pair, pools):
     return log
 
 
-@pytest.mark.parametrize("pools", [(0, 0), (1, 1), (1, 2)], ids=["alone", "of one pool", "of two pools"])
+@pytest.mark.parametrize(
+    "pools",
+    [(0, 0), pytest.param((1, 1), marks=pytest.mark.long), (1, 2)],
+    ids=["alone", "of one pool", "of two pools"],
+)
 def test_shares_of_the_draws_are_the_probabilities(monkeypatch, pools):
     """All nine pairs of factors, by enumeration; 3000 sweeps."""
     monkeypatch.setattr(draws, "SWEEPS", 3000)

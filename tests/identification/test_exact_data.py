@@ -47,7 +47,7 @@ def test_the_noise_of_residuals_that_are_next_to_nothing_is_a_part_of_what_is_de
 
 
 @few_draws()
-@pytest.mark.parametrize("unit", [0.0, 1e-7])
+@pytest.mark.parametrize("unit", [pytest.param(0.0, marks=pytest.mark.long), 1e-7])
 def test_exact_readings_of_a_tracker_give_the_robot(unit):
     run, cell = exact("tracker")
     found = identify(rounded(run, unit) if unit else run, cell)

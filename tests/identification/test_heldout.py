@@ -222,7 +222,7 @@ def test_a_run_with_noise_alone_is_explained_to_the_noise(what):
     assert held == pytest.approx(made.noise_rms, rel=0.05)
 
 
-@pytest.mark.parametrize("name", ["comau-nj130", "kuka-kr6-r700"])
+@pytest.mark.parametrize("name", ["comau-nj130", pytest.param("kuka-kr6-r700", marks=pytest.mark.long)])
 def test_parameters_of_a_whole_identification_are_as_far_off_as_stated(name):
     """Through the files: joint χ² over three runs against the truth regrouped by the generator's own Jacobian."""
     square, count = 0.0, 0
