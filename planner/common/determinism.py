@@ -53,3 +53,10 @@ def first_maximum(values: Array) -> int:
     """Position of the largest value; of values equal to within rounding (1e-11) the first."""
     top = float(np.max(values))
     return int(np.argmax(values >= top - 1e-11 * abs(top))) if np.isfinite(top) else int(np.argmax(values))
+
+
+def with_fixed_signs(axes: Array) -> Array:
+    """Return axes (k, r) of which the first of the largest components is positive: libraries differ in their signs."""
+    size = np.abs(axes)
+    first = np.argmax(size > 0.99 * size.max(axis=0), axis=0)  # 0.99: of the largest, so that rounding decides nothing
+    return np.asarray(axes * np.where(axes[first, np.arange(axes.shape[1])] < 0, -1.0, 1.0))

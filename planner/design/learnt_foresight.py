@@ -13,6 +13,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.design.learnt_posterior import LearntPosterior
 from planner.design.learnt_sizes import learn_errors
+from planner.model.linear_gaussian import LinearGaussian
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def draw_readings(now: LearntPosterior, taken: Sequence[int], off: Array, more: 
     rng = np.random.default_rng(seed)
     size, noise = now.learnt.typical[now.families.number], now.learnt.noise
     errors = size * rng.standard_normal(len(size))
-    seen, ahead = now.white[list(taken)] * size, now.white[list(more)]
-    gap = off - now.white[list(taken)] @ errors - noise * rng.standard_normal(len(off))
-    errors = errors + size * (seen.T @ np.linalg.solve(noise**2 * np.eye(len(seen)) + seen @ seen.T, gap))
+    seen, ahead = now.white[list(taken)], now.white[list(more)]
+    gap = off - seen @ errors - noise * rng.standard_normal(len(off))
+    errors = errors + LinearGaussian(seen, size, np.full(len(seen), noise)).mean(gap)
     return np.asarray(ahead @ errors + noise * rng.standard_normal(len(ahead)))

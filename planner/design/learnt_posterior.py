@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from planner.common.units import Array
 from planner.design.expected_errors import limit_of_sum
 from planner.design.learnt_sizes import Families, LearntErrors, learn_errors
+from planner.model.linear_gaussian import LinearGaussian
 
 
 @dataclass
@@ -57,29 +57,25 @@ class LearntPosterior:
 
     def spread_of(self, reading: int, taken: Sequence[int]) -> float:
         """Return the variance of a reading that is expected after those ``taken``, its noise included, in its own."""
-        white, own = self.white[list(taken)] * self.size, self.white[reading] * self.size
-        noise = self.learnt.noise**2
-        told = np.linalg.solve(noise * np.eye(len(white)) + white @ white.T, white @ own)
-        return noise + float(max(own @ own - (white @ own) @ told, 0.0))
+        own = self.white[[reading]]
+        left = (own * self.size) @ (own * self.size).T - self.model(taken).reduction(own)
+        return self.learnt.noise**2 + float(max(left[0, 0], 0.0))
 
-    def _root_of_reduction(self, which: Sequence[int]) -> Array:
-        """Return S, (n, r) [m], of which SᵀS is what some readings take off the squares of the tool's error."""
-        root, white = self.root * self.size[:, None], self.white[list(which)] * self.size / self.learnt.noise
-        spread = np.eye(len(white)) + white @ white.T
-        return np.asarray(solve_triangular(np.linalg.cholesky(spread), white @ root, lower=True))
+    def model(self, which: Sequence[int]) -> LinearGaussian:
+        """Return the linear model of some readings, with the sizes and the noise as learnt."""
+        white = self.white[list(which)]
+        return LinearGaussian(white, self.size, np.full(len(white), self.learnt.noise))
 
     def remaining_error(self, which: Sequence[int]) -> Array:
         """Return the matrix whose trace is the mean square error of the tool after some readings, (r, r) [m²].
 
         It is Rᵀ C R, with R the root of the weight and C the covariance that the readings leave.
         """
-        shown = self._root_of_reduction(which)
-        return np.asarray(self._before - shown.T @ shown)
+        return np.asarray(self._before - self.model(which).reduction(self.root.T))
 
     def square(self, which: Sequence[int]) -> float:
         """Return the mean square error of the tool after some readings [m²]."""
-        left = float(np.trace(self._before)) - float((self._root_of_reduction(which) ** 2).sum())
-        return left * float(np.exp(2.0 * self.families.doubt**2))
+        return float(np.trace(self.remaining_error(which))) * float(np.exp(2.0 * self.families.doubt**2))
 
     def square_error_limit(self, which: Sequence[int]) -> float:
         """Return the square that 95 of 100 such robots stay below after some readings [m²]."""

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import Array
+from planner.model.linear_gaussian import LinearGaussian
 
 TRUST = 4.0  # [errors seen] that a usual size counts for: it is good to a factor of about two (1/sqrt(2 ν) of ln s)
 
@@ -101,61 +102,53 @@ def learn_errors(white: Array, seen: Array, families: Families, begin: LearntErr
         begin: what fewer readings said, from which the sizes are sought; none: from the usual ones.
     """
     begin = begin or LearntErrors.usual(white.shape[1], len(families))
-    columns = [white[:, families.number == f] for f in range(len(families))]
+    own = [np.flatnonzero(families.number == f) for f in range(len(families))]
     offers = [families.factors(f) for f in range(len(families))]
     square, typical, noise = begin.factors**2, begin.typical.copy(), begin.noise**2
-    inverse = np.linalg.inv(
-        noise * np.eye(len(white)) + sum(v * (w @ w.T) for v, w in zip(square, columns, strict=True))
-    )
+    model = LinearGaussian(white, begin.factors[families.number], np.full(len(white), begin.noise))
     # families of a kind that count as seen to act, and in all, before any reading (a beta distribution)
     counts = {MOSTLY: (3.0, 4.0), AT_TIMES: (1.0, 2.0), HARDLY_EVER: (1.0, 10.0)}
     kinds = [(families.acts == kind, a, of) for kind, (a, of) in counts.items()]
-    acts = sum((np.where(own, a / of, 0.0) for own, a, of in kinds), np.zeros(len(square)))
+    acts = sum((np.where(mine, a / of, 0.0) for mine, a, of in kinds), np.zeros(len(square)))
     share = acts.copy()
     for turn in range(12):  # rounds: sizes move by less than a few per cent after that
         before = np.append(square, noise)
-        for own, a, of in kinds:  # how many act says how likely each does
-            share[own] = (a + acts[own].sum()) / (of + own.sum())
+        for mine, a, of in kinds:  # how many act says how likely each does
+            share[mine] = (a + acts[mine].sum()) / (of + mine.sum())
         for f in np.flatnonzero(~families.known):
-            through = inverse @ columns[f]
-            values, axes = np.linalg.eigh(columns[f].T @ through)
+            values, axes = np.linalg.eigh(model.products(own[f]))
             values = np.maximum(values, 0.0)
             ease = np.maximum(1.0 - square[f] * values, 1e-9)  # without this family
-            shown, pull = values / ease, (axes.T @ (through.T @ seen)) / ease
+            shown, pull = values / ease, (axes.T @ model.toward(seen, own[f])) / ease
             factors, probability = offers[f]
             weight = _weigh_factors(factors, probability, shown, pull, float(share[f]))
-            new, acts[f] = float(weight @ factors**2), float(weight[factors > 0].sum())
+            square[f], acts[f] = float(weight @ factors**2), float(weight[factors > 0].sum())
             typical[f] = factors[np.searchsorted(np.cumsum(weight), 0.5)]
-            moved = through @ axes
-            inverse -= (moved * ((new - square[f]) / (1.0 + (new - square[f]) * values))) @ moved.T
-            square[f] = new
+            model = model.update(own[f], float(np.sqrt(square[f])))
         if turn % 3 == 0:  # the noise, which costs most, in every third
-            noise, inverse = _learn_noise(inverse, noise, seen)
+            new = _learn_noise(model, noise, seen)
+            model, noise = model.scale_noise(float(np.sqrt(new / noise))), new
             if np.abs(np.append(square, noise) - before).max() < 1e-2 * (1e-2 + square.max()):
                 break
-    variance = square[families.number]
-    mean = variance * (white.T @ (inverse @ seen))
-    left = np.maximum(variance - variance**2 * np.einsum("ij,ij->j", white, inverse @ white), 0.0)
-    return LearntErrors(mean, np.sqrt(left), np.sqrt(square), typical, float(np.sqrt(noise)))
+    return LearntErrors(model.mean(seen), np.sqrt(model.variance()), np.sqrt(square), typical, float(np.sqrt(noise)))
 
 
-def _learn_noise(inverse: Array, noise: float, seen: Array) -> tuple[float, Array]:
-    """Return the readings' noise variance over the declared one, all else as it stands, and S⁻¹ with it.
+def _learn_noise(model: LinearGaussian, noise: float, seen: Array) -> float:
+    """Return the readings' noise variance over the declared one, all else as it stands.
 
     Args:
-        inverse: S⁻¹ so far, (n, n).
-        noise: of which S has this share of the identity.
+        model: with the noise so far.
+        noise: its variance.
         seen: see :func:`learn_errors`.
     """
     # from a fifth of the declared standard deviation to ten times as much, normal in the log about it, sigma 1
     offers = 0.05 * 2.0 ** np.arange(12, dtype=float)
-    values, axes = np.linalg.eigh(inverse)
-    others, pull = np.maximum(1.0 / values - noise, 0.0), (axes.T @ seen) ** 2
+    kept, axes = np.linalg.eigh(model.inverse)
+    others, pull = noise * np.maximum(1.0 / np.maximum(kept, 1e-300) - 1.0, 0.0), (axes.T @ seen) ** 2
     spread = offers[:, None] + others
     log = -0.5 * (0.5 * np.log(offers)) ** 2 - 0.5 * (np.log(spread) + pull / spread).sum(axis=1)
     weight = np.exp(log - log.max())
-    new = float(weight @ offers / weight.sum())
-    return new, np.asarray((axes / (others + new)) @ axes.T)
+    return float(weight @ offers / weight.sum())
 
 
 def _weigh_factors(factors: Array, probability: Array, shown: Array, pull: Array, share: float) -> Array:

@@ -7,6 +7,7 @@ Each class states its key, the name that it has in files. A key is a word and it
 import re
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import ClassVar, dataclass_transform
 
 import numpy as np
@@ -90,6 +91,12 @@ class BasisFunction(ABC):
     @abstractmethod
     def __call__(self, c: Context) -> Array:
         """Return φ for every sample, (n,) or (1,)."""
+
+    @cached_property
+    def looks_at_samples_alone(self) -> bool:
+        """Whether the value of a sample is the same whatever other samples there are."""
+        inside = (getattr(self, f.name) for f in fields(self))
+        return self.is_static and all(v.looks_at_samples_alone for v in inside if isinstance(v, BasisFunction))
 
     @property
     def key(self) -> str:

@@ -117,12 +117,24 @@ class Context:
     _known: dict[Hashable, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
     _several: dict[int, tuple[object, list[Array]]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _stacks: "dict[Stack, Array]" = field(default_factory=dict, init=False, repr=False, compare=False)
+    _whole: "tuple[Context, np.ndarray] | None" = field(default=None, repr=False, compare=False)
+
+    def take(self, which: np.ndarray) -> "Context":
+        """Return the context of some of the samples; what looks at each sample alone is not computed anew."""
+        return Context(self.setup, self.samples.take(which), (self, which))
 
     def value(self, phi: "Callable[[Context], Array]") -> Array:
         """Value of a basis function, (n,) or (1,), remembered for as long as the context lives."""
         if phi not in self._known:
-            self._known[phi] = phi(self)
+            alone = self._whole is not None and getattr(phi, "looks_at_samples_alone", False)
+            self._known[phi] = self._taken(phi) if alone else phi(self)
         return self._known[phi]
+
+    def _taken(self, phi: "Callable[[Context], Array]") -> Array:
+        assert self._whole is not None
+        whole, which = self._whole
+        value = whole.value(phi)
+        return value if len(value) == 1 else value[which]
 
     def values(self, functions: "tuple[Callable[[Context], Array], ...]") -> list[Array]:
         """Values of several basis functions, remembered for the same tuple without a look at each function."""

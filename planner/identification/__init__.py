@@ -26,7 +26,6 @@ __all__ = [
     "problem",
     "released_robot",
     "residual_table",
-    "row_basis",
     "run_setup",
     "stages",
     "suitability",

@@ -11,7 +11,7 @@ from scipy.linalg.lapack import dpotri
 from planner.common.arrays import mirror_lower
 from planner.common.units import Array
 from planner.identification.contest_arena import Block
-from planner.identification.reading_precision import MOST_WAITING, padded_width
+from planner.identification.family_gains import padded_width
 
 Part = tuple[Block, float]
 """A cause that acts, and the factor on its sizes."""
@@ -224,7 +224,7 @@ class Together:
             if worth[least] > 0:
                 break
             state = state.remove_cause(least)
-            if len(state.signs) > MOST_WAITING:
+            if len(state.signs) > 64:  # directions: a product with so many is as quick as the processor can
                 state = state.settle()
         return state
 

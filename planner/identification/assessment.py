@@ -46,7 +46,7 @@ from planner.identification.identifiable_parameters import FittedParameters, est
 from planner.identification.least_squares import Fit
 from planner.identification.noise import least_noise
 from planner.identification.nominal_comparison import worse_than_nominal
-from planner.identification.release import describe_release, release_robot, tool_point_advice
+from planner.identification.release import describe_release, draws_note, release_robot, tool_point_advice
 from planner.identification.released_parameters import released_estimates, std_beside_robot
 from planner.identification.released_robot import ReleasedRobot
 from planner.identification.residual_tests import diagnose_residual
@@ -198,7 +198,7 @@ def assess_fit(
     estimates, release = _released_sections(released, table)
     diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
     worse = None if problems else worse_than_nominal(kept, release, expected, cell.gauge.unit)
-    causes, traced = _find_causes(bool(problems or worse), traced, released, table, len(run) * found.model.width / time)
+    causes, traced = _find_causes(bool(problems or worse), traced, released, table, context, time)
     return Calibration(
         schema_="edbb-identification/1",
         worse_than_nominal=worse,
@@ -244,11 +244,13 @@ def _find_causes(
     traced: TracingResult,
     released: ReleasedRobot | None,
     table: Sequence[Estimate],
-    readings: float,
+    context: FitContext,
+    time: float,
 ) -> tuple[Causes, TracingResult]:
     """Return the causes that are named and what tracing says: nothing of a fit that is not to be used."""
-    traced = TracingResult() if refused else traced
-    return name_causes(traced, None if refused else released, table, readings), traced
+    traced, released = TracingResult() if refused else traced, None if refused else released
+    readings = 0.0 if released is None else len(context.run) * released.fit.model.width / time
+    return name_causes(traced, released, table, readings, context.limits.most_causes), traced
 
 
 def _released_sections(
@@ -260,7 +262,9 @@ def _released_sections(
 
 def _release_notes(released: ReleasedRobot | None, wanted: bool) -> list[str]:
     """Return what to know of the robot that is written; that there is none though it was ``wanted``."""
-    return tool_point_advice(released) if released is not None else [NO_POSTERIOR] if wanted else []
+    if released is None:
+        return [NO_POSTERIOR] if wanted else []
+    return [*tool_point_advice(released), *draws_note(released)]
 
 
 def _count_alike(stages: Sequence[FittedStage], weight: Array, parts: Split) -> list[FittedStage]:

@@ -54,6 +54,7 @@ NOTICED = 1.05  # ratio of two errors: a twentieth more or less nobody notices a
 DENSE_READINGS = 20  # for each parameter, from which poses held out stand for those anywhere
 ANOTHER_TOOL_SHARE = 0.5  # of the mean square error of another tool that is worth a second tool point
 OTHER_TOOL = 0.2  # [m] from the flange's centre to the tools that were not measured, in six directions
+WORTH_SAYING = 0.02  # of what is stated, one sigma, from which on it is said how far other draws would move it
 NEGLIGIBLE_SHARE = 0.1  # of the expected error that the written robot may differ from the mean: it adds 0.5 %
 UNSEEN_READINGS_RATIO = 100.0  # times as many readings at the same poses: what they leave, this gauge does not see
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from planner.common.system import give_back_memory
 from planner.common.units import display_unit, format_value
+from planner.effects.steps import SLIP
 from planner.identification.calibration import TracingResult
 from planner.identification.contenders import Contest, Standing
 from planner.identification.contest import judge_findings
@@ -24,7 +25,11 @@ class Causes:
 
 
 def name_causes(
-    traced: TracingResult, released: ReleasedRobot | None, table: Sequence[Estimate], readings: float
+    traced: TracingResult,
+    released: ReleasedRobot | None,
+    table: Sequence[Estimate],
+    readings: float,
+    most: int | None = None,
 ) -> Causes:
     """Return the causes with their probabilities and rivals by the posterior.
 
@@ -33,6 +38,7 @@ def name_causes(
         released: with the posterior.
         table: of the last stage's parameters.
         readings: independent ones of the run.
+        most: how many are named at most, wrong rows beside them; none: any number.
     """
     found = tuple(_with_estimate(f, table) for f in traced.findings)
     if released is None or traced.tried is None:
@@ -48,7 +54,15 @@ def name_causes(
     again = {f.name for f in beside}
     kept = tuple(f for f in found if not _is_negligible(f) and not (f.is_doubtful and f.name in again))
     rejected = {f.name: _rejection(f) for f in found if f not in kept and f.name not in again}
-    return Causes((*kept, *beside), (*rejected.values(), *traced.rejected))
+    named = _likeliest((*kept, *beside), most)
+    return Causes(named, (*rejected.values(), *traced.rejected))
+
+
+def _likeliest(findings: tuple[Finding, ...], most: int | None) -> tuple[Finding, ...]:
+    """Return at most so many causes, the likeliest, in their order; wrong rows do not count."""
+    order = sorted(findings, key=lambda f: -(1.0 if f.probability is None else f.probability))
+    names = list(dict.fromkeys(f.name for f in order if f.effect != SLIP))[:most]
+    return tuple(f for f in findings if f.effect == SLIP or f.name in names)
 
 
 def _judge(released: ReleasedRobot, contests: Sequence[Contest], worth: float) -> dict[str, Standing]:

@@ -39,8 +39,8 @@ def minimise_expected_error(geometry: ReleasedRobot, risk: float = 1.0) -> Fit:
     if not square.all():  # nothing moves the tool
         return posterior.fit
     off, tool = geometry.drawn_offsets, geometry.tool
-    moved = tool.flat_rows @ pick_rows(off, posterior.fit.model.names, tool.names)
-    products = moved.T @ moved / len(tool.q)
+    moved = pick_rows(off, posterior.fit.model.names, tool.names)
+    products = moved.T @ (tool.gram @ moved) / len(tool.q)
     beside = POSITION_AXES * geometry.misfit.rest**2 + geometry.drift**2
     return with_values(posterior.fit, posterior.fit.errors + off @ _least_risk(products, beside, square, risk))
 

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.common.arrays import mirror_lower
 from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, effect_kinds, registration_of
 from planner.effects.free_laws import beam_laws, free_laws
@@ -142,9 +141,10 @@ class Arena:
         """
         effects = self.record.effects
         always = np.array([p.factors[0] > 0.0 for p in effects.priors])
-        whitener = effects.whitener(draw.noise_logs - 0.5 * np.log(self.worth))
-        size = np.where(always, draw.factors, 0.0)[effects.family[self.kept]]
-        return mirror_lower(whitener.products(np.column_stack([self.columns, self.y]), size))
+        factors = np.where(always, draw.factors, 0.0)
+        known = effects.at(SizeDraw(factors, draw.noise_logs - 0.5 * np.log(self.worth)))
+        white = np.column_stack([self.columns, self.y]) / known.noise[:, None]
+        return np.asarray(white.T @ (known.inverse @ white))
 
 
 def _block(name: str, columns: np.ndarray, odds: float, factors: Array, weight: Array) -> Block:

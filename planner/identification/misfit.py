@@ -45,7 +45,8 @@ from planner.identification.cross_validation import number_targets, renumber_pla
 from planner.identification.least_squares import Fit
 from planner.identification.noise import Noise
 from planner.identification.posterior_background import EffectFamily
-from planner.identification.posterior_fit import PosteriorFit, draw_posterior
+from planner.identification.posterior_draws import ChainLimits
+from planner.identification.posterior_fit import NO_LIMITS, PosteriorFit, draw_posterior
 from planner.identification.problem import FitProblem
 from planner.identification.wild_rows import validation_weights
 from planner.model.model import Model
@@ -183,16 +184,19 @@ def predict_regions(
     start: Mapping[str, float],
     curves: frozenset[str],
     weight: Array,
+    limits: ChainLimits = NO_LIMITS,
+    base: FitProblem | None = None,
 ) -> tuple[HeldOutRegion, ...]:
     """Predict every region of the workspace by a posterior of the others; the arguments as of ``draw_posterior``.
 
     Rows that stand outside the noise are not held against any.
     """
-    region = number_regions(run.samples, before)
-    return tuple(
-        _predict_region(before, run, region == k, whole, background, time, start, curves, weight)
-        for k in range(region.max() + 1)
-    )
+    region, base = number_regions(run.samples, before), FitProblem.of(whole, run) if base is None else base
+    out = []
+    for k in range(region.max() + 1):
+        out.append(_predict_region(before, run, region == k, base, background, time, start, curves, weight, limits))
+        base.memory.parts.clear()  # basis functions of a region and of the others
+    return tuple(out)
 
 
 def number_regions(samples: Samples, fit: Fit) -> np.ndarray:
@@ -325,23 +329,32 @@ def _predict_region(
     before: Fit,
     run: Run,
     test: np.ndarray,
-    whole: Model,
+    base: FitProblem,
     background: Sequence[EffectFamily],
     time: float,
     start: Mapping[str, float],
     curves: frozenset[str],
     weight: Array,
+    limits: ChainLimits,
 ) -> HeldOutRegion:
     """Predict the positions of the samples ``test`` (n,) bool by a posterior of the others."""
+    whole = base.model
     seen = _thin(np.flatnonzero(~test), 2_400 // whole.width)  # readings of a long run that fit and judge
     unseen = _worth_one_each(np.flatnonzero(test & (weight >= COUNTED)), time, whole.width)
     worth, share = max(1.0, time * len(seen) / (~test).sum()), float((~test).mean())
-    others = run.take(seen)
+    own, others = base.take(seen), run.take(seen)
     drawn = draw_posterior(
-        before, others, whole, background, worth, curves, sweeps=SWEEPS, share=share, start=start, weight=weight[seen]
+        *(before, others, whole, background, worth, curves),
+        sweeps=SWEEPS,
+        share=share,
+        start=start,
+        weight=weight[seen],
+        limits=limits,
+        base=own,
     )
     known, noise_root = drawn.fit_at_start()
-    there = FitProblem.of(known.model, run.take(unseen), _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth)))
+    noise = _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth))
+    there = base.take(unseen).restart_with(known.model, noise)
     return HeldOutRegion(unseen, _hold_out(there, known.errors, known.solution.root(known.problem.prior), noise_root))
 
 

@@ -17,6 +17,7 @@ from planner.identification.calibration import Calibration, TracingResult
 from planner.identification.cross_validation import split_run, validate_fit
 from planner.identification.identifiable_parameters import choose_parameters, parameters_of_groups
 from planner.identification.least_squares import Fit
+from planner.identification.posterior_draws import ChainLimits
 from planner.identification.run_setup import add_motion, check_pull, locate_gauge, number_samples, setup_for_run
 from planner.identification.stages import FitContext, Tracer, add_declared_stages, add_stage_if_gain
 from planner.model.identification_document import Metrics, ReleaseBasis
@@ -26,17 +27,19 @@ from planner.runs.run import Run
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What the user may choose: share of the groups held out, seed of the folds.
+    """What the user may choose: share of the groups held out, seed of the folds and of the draws.
 
-    The released robot holds geometry and effects by the posterior, with ``geometry`` geometry alone; where ``release``
-    is false it is the last stage as fitted, and the error over the workspace follows from its covariance: quicker, for
-    trials of many runs.
+    The released robot holds geometry and effects by the posterior, with ``geometry`` geometry alone, and the posterior
+    then knows no effects but those of the stages and those that always act; where ``release`` is false it is the last
+    stage as fitted, and the error over the workspace follows from its covariance: quicker, for trials of many runs.
+    At most ``most_causes`` causes with a name act together, beside those that the cell declares; none: any number.
     """
 
     hold_out: float = 0.2
     seed: int = 0
     geometry: bool = False
     release: bool = True
+    most_causes: int | None = None
 
     @property
     def basis(self) -> ReleaseBasis:
@@ -71,13 +74,14 @@ def identify(
     check_pull(cell, setup, run)
     bare = None if validation is None else setup_for_run(cell, validation)
     parts = split_run(run, settings.hold_out, settings.seed)
+    limits = ChainLimits(settings.seed, settings.most_causes, tuple(cell.plan.effects))
 
     def judge(found: Fit) -> Metrics | None:
         """Return the stage with what validation poses say of it."""
         return None if validation is None or bare is None else validate_fit(found, validation, bare)
 
     free = choose_parameters(cell, setup, run)
-    context = FitContext(run, parts, judge, free.unseen_parameters, validation)
+    context = FitContext(run, parts, judge, free.unseen_parameters, validation, limits=limits)
     _check_size(context, free.model)
     model = free.model_up_to(())
     with explain_failure(cell, run):

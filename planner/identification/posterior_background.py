@@ -117,6 +117,12 @@ def cause_of_family(name: str) -> str | None:
     return f"{NONPARAMETRIC}, {where}" if where.endswith(IN_TIME) else None
 
 
+def has_name(family: str) -> bool:
+    """Tell whether a family, with or without its last word, stands for causes that the catalogue names."""
+    kind, _ = _kind_and_place(family.removesuffix(OF_BACKGROUND))
+    return kind in effect_kinds() or kind.startswith("gear ")
+
+
 def is_left_to_background(group: str) -> bool:
     """Tell whether a finding, by the group of its parameters, stays out of the released robot.
 

@@ -15,15 +15,14 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import cho_solve
 
+from planner.common.determinism import with_fixed_signs
 from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
 from planner.identification.even_sizes import spread_evenly
-from planner.identification.reading_precision import FewProducts, ReadingPrecision, WholeProducts
-from planner.identification.reading_whitener import ReadingWhitener, explained_products
-from planner.identification.row_basis import posterior_basis
+from planner.identification.family_gains import FamilyGains
 from planner.identification.wild_rows import row_weights
+from planner.model.linear_gaussian import LinearGaussian
 
 SWEEPS = 160  # through all families
 KEPT_EVERY = 3  # sweeps between draws that are kept: neighbours are alike
@@ -62,6 +61,25 @@ class SizePrior:
 
 
 @dataclass(frozen=True)
+class ChainLimits:
+    """What the user says of the draws.
+
+    Attributes:
+        seed: of the draws.
+        most_causes: how many causes with a name may act together at most; none: any number.
+        declared: kinds of causes that the cell declares, which do not count.
+    """
+
+    seed: int = 0
+    most_causes: int | None = None
+    declared: tuple[str, ...] = ()
+
+    def counts(self, cause: str) -> bool:
+        """Tell whether a cause, ``KIND, PLACE`` or ``KIND (…)``, is one of those of which at most so many may act."""
+        return self.most_causes is not None and cause.partition(", ")[0].partition(" (")[0] not in self.declared
+
+
+@dataclass(frozen=True)
 class SizeDraw:
     """Factor of every family, (f,), and logarithms of the noise's components over the declared ones, (c,)."""
 
@@ -96,6 +114,7 @@ class RandomEffects:
         noise_precision: of the normal prior about 0 on the logarithms of the noise's components, (c, c).
         row: number of the row of the run that each reading is of, (m,) int; none: rows are not looked at.
         weight: by how much each row counts, (n,).
+        limited: numbers of the families of which at most ``most`` may act together.
     """
 
     columns: Array
@@ -106,6 +125,8 @@ class RandomEffects:
     noise_precision: Array
     row: np.ndarray | None = None
     weight: Array | None = None
+    limited: tuple[int, ...] = ()
+    most: int = 0
 
     @cached_property
     def places(self) -> tuple[slice, ...]:
@@ -114,10 +135,14 @@ class RandomEffects:
         return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
 
     @cached_property
+    def order(self) -> np.ndarray:
+        """Positions of the columns, those of one family after the other and what has a known size last, (p,) int."""
+        return np.argsort(np.where(self.family < 0, len(self.priors), self.family), kind="stable")
+
+    @cached_property
     def sorted_columns(self) -> Array:
-        """Columns of all families, one family after the other, and the readings behind them, (m, q + 1)."""
-        order = np.argsort(self.family, kind="stable")
-        return np.column_stack([self.columns[:, order[(self.family < 0).sum() :]], self.y])
+        """Columns in that order, and the readings behind them, (m, p + 1)."""
+        return np.column_stack([self.columns[:, self.order], self.y])
 
     @cached_property
     def family_positions(self) -> tuple[np.ndarray, ...]:
@@ -127,15 +152,15 @@ class RandomEffects:
     def compact(self) -> "RandomEffects":
         """Return the model with as few columns as tell the same: of each family those that the noise does not hide.
 
-        They are its left singular vectors, by their singular values.
+        They are its principal axes.
         """
         noise = np.sqrt(self.noise.sum(axis=1))[:, None]
         columns, family = [self.columns[:, self.family < 0]], [np.full((self.family < 0).sum(), -1)]
         for f, own in enumerate(self.family_positions):
-            axes, size, _ = np.linalg.svd(self.columns[:, own] / noise, full_matrices=False)
+            square, axes = np.linalg.eigh((self.columns[:, own] / noise).T @ (self.columns[:, own] / noise))
             # 0.03: of the declared noise, below which a direction tells nothing however large the family is
-            count = max(1, int((size * self.priors[f].factors.max() > 0.03).sum()))
-            columns.append(noise * axes[:, :count] * size[:count])
+            count = max(1, int((square * self.priors[f].factors.max() ** 2 > 0.03**2).sum()))
+            columns.append(self.columns[:, own] @ with_fixed_signs(axes[:, -count:]))
             family.append(np.full(count, f))
         return replace(self, columns=np.hstack(columns), family=np.concatenate(family))
 
@@ -148,50 +173,31 @@ class RandomEffects:
         variance = np.asarray(self.noise @ np.exp(2 * noise_logs))
         return variance if self.weight is None else variance / self.weight[self.row]
 
-    def whitener(self, noise_logs: Array) -> ReadingWhitener:
-        """Return what whitens the readings, by noise and columns of known size."""
-        return ReadingWhitener.of(self.columns[:, self.family < 0], np.sqrt(self.variance(noise_logs)))
+    def at(self, draw: SizeDraw) -> LinearGaussian:
+        """Return the linear model of the sorted columns with all sizes and the noise as drawn."""
+        sizes = np.append(self.sizes(draw.factors)[self.order], 0.0)
+        return LinearGaussian(self.sorted_columns, sizes, np.sqrt(self.variance(draw.noise_logs)))
 
-    def weigh_rows(self, draw: SizeDraw) -> Array:
+    def weigh_rows(self, known: LinearGaussian) -> Array:
         """Return by how much each row counts, (n,), held against what all others say of it at a draw of the sizes."""
         assert self.row is not None
         assert self.weight is not None
-        root, size = np.sqrt(self.variance(draw.noise_logs)), self.sizes(draw.factors)
-        which = np.flatnonzero(size)
-        basis = posterior_basis(self.columns[:, which] * size[which] / root[:, None], 1.0)[0]
-        left = self.y / root
-        left = (left - basis @ (basis.T @ left)) / np.sqrt(self.weight)[self.row]
+        left = known.inverse @ (self.y / known.noise) / np.sqrt(self.weight)[self.row]
         by_row = np.argsort(self.row, kind="stable").reshape(len(self.weight), -1)
-        return row_weights(left[by_row], (basis**2).sum(axis=1)[by_row], self.weight)
+        leverage = np.maximum(1.0 - np.diag(known.inverse), 0.0)
+        return row_weights(left[by_row], leverage[by_row], self.weight)
 
-    def precision(self, draw: SizeDraw) -> ReadingPrecision:
-        """Return what is told of all columns at a draw of the sizes."""
-        size = draw.factors.repeat([p.stop - p.start for p in self.places])
-        whitener = self.whitener(draw.noise_logs)
-        # 4: times as many columns as act, from which on most families are never asked for between draws of the noise
-        if 4 * np.count_nonzero(size) < len(size):
-            white = whitener.white(self.sorted_columns)
-            told = explained_products(white, size)
-            return ReadingPrecision.of(FewProducts(white, told, np.ones(len(told))), self.places)
-        return ReadingPrecision.of(WholeProducts(whitener.products(self.sorted_columns, size)), self.places)
-
-    def draw_residual(self, draw: SizeDraw, rng: np.random.Generator) -> Array:
+    def draw_residual(self, known: LinearGaussian, rng: np.random.Generator) -> Array:
         """Return what the noise may be in each reading, (m,), drawn given the readings and a draw of the sizes.
 
         What all columns and the noise would give is drawn from their priors, and moved as far as the readings differ
         from it (Matheron's rule; Hoffman and Ribak 1991, Astrophysical Journal 380).
         """
-        variance, whitener = self.variance(draw.noise_logs), self.whitener(draw.noise_logs)
-        size = self.sizes(draw.factors)
-        which, columns = np.flatnonzero(size), self.columns
-        noise = np.sqrt(variance) * rng.standard_normal(len(self.y))
-        parameters = size[which] * rng.standard_normal(len(which))
-        apart = whitener.white((self.y - columns[:, which] @ parameters - noise)[:, None])
-        acting = which[self.family[which] >= 0]
-        white = whitener.white(columns[:, acting] * size[acting])
-        root = np.linalg.cholesky(np.eye(len(acting)) + white.T @ white)
-        apart -= white @ cho_solve((root, True), white.T @ apart)
-        return np.asarray(noise + variance * whitener.apply_transpose(apart)[:, 0])
+        which = known.acting
+        noise = rng.standard_normal(len(self.y))
+        parameters = known.prior[which] * rng.standard_normal(len(which))
+        apart = (self.y - known.columns[:, which] @ parameters) / known.noise - noise
+        return np.asarray(known.noise * (noise + known.inverse @ apart))
 
 
 def draw_sizes(
@@ -208,6 +214,8 @@ def draw_sizes(
             chain.draw_noise(rng)
         chain.draw_factors(rng)
         chain.swap(rng)
+        if sweep == burn_in:
+            chain.put_acting_first()
         if sweep < burn_in:
             chain.acting[:] = 0.0
             chain.likely[:] = 0.0
@@ -226,7 +234,7 @@ class _Chain:
         self.model = model = model.compact()
         self.factors = start.factors.copy()
         self.noise_logs = start.noise_logs
-        self.known = model.precision(start)
+        self.known = FamilyGains(model.at(start), model.places)
         self.pool = np.array([p.pool for p in model.priors])
         self.pool_sizes = np.bincount(self.pool)
         kinds = {id(p): p for p in model.priors}
@@ -242,6 +250,7 @@ class _Chain:
         self.acting = np.zeros(len(model.priors))
         # how likely each factor of a family that always acts was when it was drawn, summed up
         self.likely = np.zeros((len(model.priors), self.most_factors))
+        self.put_acting_first()
 
     def spread(self, draws: list[DrawnSizes], rng: np.random.Generator) -> tuple[DrawnSizes, ...]:
         """Return the draws with the factors of families that always act as evenly spread as they are likely."""
@@ -253,19 +262,16 @@ class _Chain:
 
     def draw_noise(self, rng: np.random.Generator) -> None:
         """Draw the noise with the sizes as they are, given what it may be in each reading."""
-        del self.known  # of the noise before: as large as all products of columns, and made anew below
-        self._weigh_rows()
+        known = self.known.model
+        if self.model.weight is not None:  # rows count as they stand to the others now
+            weight = self.model.weigh_rows(known)
+            if not np.array_equal(weight, self.model.weight):
+                self.model = replace(self.model, weight=weight)
+                known = self.model.at(SizeDraw(self.factors, self.noise_logs))
         for _ in range(2):  # where many families act one step follows the other only slowly
-            self._draw_noise_beside(self.model.draw_residual(SizeDraw(self.factors, self.noise_logs), rng) ** 2, rng)
-        self.known = self.model.precision(SizeDraw(self.factors, self.noise_logs))
-
-    def _weigh_rows(self) -> None:
-        """Let rows count as they stand to the others now."""
-        if self.model.weight is None:
-            return
-        weight = self.model.weigh_rows(SizeDraw(self.factors, self.noise_logs))
-        if not np.array_equal(weight, self.model.weight):
-            self.model = replace(self.model, weight=weight)
+            self._draw_noise_beside(self.model.draw_residual(known, rng) ** 2, rng)
+            known = self.model.at(SizeDraw(self.factors, self.noise_logs))
+        self.known = FamilyGains(known, self.model.places)
 
     def _draw_noise_beside(self, square: Array, rng: np.random.Generator) -> None:
         """Draw the noise given the squares of what it is in each reading, (m,)."""
@@ -288,41 +294,44 @@ class _Chain:
 
     def draw_factors(self, rng: np.random.Generator) -> None:
         """Draw the factor of one family after the other."""
-        family, count = 0, len(self.factors)
-        while family < count:
-            if self.factors[family] > 0 or not self.optional[family]:
-                self._draw_factor(family, rng)
-                family += 1
+        left = self.sequence
+        while len(left):
+            acting = np.flatnonzero((self.factors[left] > 0) | ~self.optional[left])
+            if len(acting) and acting[0] == 0:
+                self._draw_factor(int(left[0]), rng)
+                left = left[1:]
             else:  # what is absent mostly stays so: up to the next that acts all are looked at together
-                acting = np.flatnonzero(self.factors[family:] > 0)
-                family = self._draw_idle(family, family + int(acting[0]) if len(acting) else count, rng)
+                left = left[self._draw_idle(left[: acting[0]] if len(acting) else left, rng) :]
+
+    def put_acting_first(self) -> None:
+        """Go on in an order in which few families that act stand between those that do not."""
+        self.sequence = np.argsort((self.factors == 0) & self.optional, kind="stable")
 
     def _draw_factor(self, family: int, rng: np.random.Generator) -> None:
         prior, own = self.model.priors[family], self.factors[family]
-        block = self.known.block(family)
         acting = self._acting()[self.pool[family]] - int(own > 0)
-        logs = block.gains(prior.factors**2 - own**2) + self._prior_logs(int(self.kind[family]), int(acting))
+        logs = self.known.change_gains(family, prior.factors**2 - own**2)
+        logs = logs + self._prior_logs(int(self.kind[family]), int(acting))
         chance = _chances(logs)
         self.acting[family] += 1 - float(chance[0] / chance[-1]) if self.optional[family] else 1.0
         self.likely[family, : len(chance)] += np.diff(chance, prepend=0.0) / chance[-1]
         chosen = float(prior.factors[_choose(chance, rng)])
         if chosen != own:
-            self.known.add(block, chosen**2 - own**2)
+            self.known.set_size(family, chosen)
             self.factors[family] = chosen
 
-    def _draw_idle(self, first: int, last: int, rng: np.random.Generator) -> int:
-        """Draw the factors of families first … last − 1, all absent, until one appears; return the next to be drawn."""
-        families = np.arange(first, last)
+    def _draw_idle(self, families: np.ndarray, rng: np.random.Generator) -> int:
+        """Draw the factors of families (f,), all absent, until one appears; return how many were drawn."""
         logs = self._gains(families) + self._idle_prior_logs(families)
         chance = np.exp(logs - logs.max(axis=1, keepdims=True)).cumsum(axis=1)
         absent = chance[:, 0] / chance[:, -1]
-        for family, none, own in zip(families.tolist(), absent.tolist(), chance, strict=True):
+        for k, (family, none, own) in enumerate(zip(families.tolist(), absent.tolist(), chance, strict=True)):
             self.acting[family] += 1 - none
             chosen = _choose(own, rng)
             if chosen > 0:
                 self._let_act(family, chosen)
-                return family + 1
-        return last
+                return k + 1
+        return len(families)
 
     def _gains(self, families: np.ndarray) -> Array:
         """Return the gain (f, v) by each of the factors of absent families, 0 by absence; −∞ behind the last factor."""
@@ -335,7 +344,7 @@ class _Chain:
 
     def _let_act(self, family: int, chosen: int) -> None:
         self.factors[family] = self.model.priors[family].factors[chosen]
-        self.known.add(self.known.block(family), self.factors[family] ** 2)
+        self.known.set_size(family, float(self.factors[family]))
 
     def swap(self, rng: np.random.Generator) -> None:
         """Let one family that acts give way to any other that does not, or to another size of itself."""
@@ -343,7 +352,7 @@ class _Chain:
         if not len(acting):
             return
         leaving = int(rng.choice(acting))
-        self.known.add(self.known.block(leaving), -(self.factors[leaving] ** 2))
+        self.known.set_size(leaving, 0.0)
         self.factors[leaving] = 0.0
         idle = np.flatnonzero(self.optional & (self.factors == 0))
         logs = self._idle_prior_logs(idle)
@@ -361,7 +370,11 @@ class _Chain:
         for k in np.unique(self.kind[families]).tolist():
             prior = self.kinds[k]
             out[k, : len(prior.factors)] = self._prior_logs(k, int(acting[prior.pool]))
-        return np.asarray(out[self.kind[families]])
+        out = out[self.kind[families]]
+        limited = list(self.model.limited)
+        if limited and np.count_nonzero(self.factors[limited]) >= self.model.most:  # none of them may join
+            out[np.isin(families, limited), 1:] = -np.inf
+        return np.asarray(out)
 
     def _prior_logs(self, kind: int, acting: int) -> Array:
         """Return the log prior probabilities of factors of a kind where so many others of its pool act; cached."""

@@ -23,10 +23,11 @@ from planner.identification.noise import RATIO, Noise
 from planner.identification.posterior_background import (
     OF_BACKGROUND,
     EffectFamily,
+    has_name,
     is_left_to_background,
     without_rivals_of,
 )
-from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
+from planner.identification.posterior_draws import ChainLimits, RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.problem import FitProblem
 from planner.identification.size_mixture import EACH, MixtureMoments, SizeMixture
 from planner.identification.wild_rows import unseen_weights
@@ -35,6 +36,7 @@ from planner.model.model import Model
 from planner.runs.run import Run
 
 FINDING = float(np.exp(-6.0))  # probability of a finding: it is one of some hundred that were tried
+NO_LIMITS = ChainLimits()
 RARE, COMMON, UNNAMED = 1, 2, 3  # pools: few of many acts; joints and links that yield, of which most arms have some
 SLAB: Array = 0.1 * 2.0 ** np.arange(7, dtype=float)  # factors of a family that acts; weights normal in the log
 SLAB_WEIGHT: Array = np.exp(-0.5 * (np.log(SLAB) + 1.0) ** 2)  # normal in the log about 1/e, its sigma 1
@@ -109,6 +111,7 @@ class DrawnPosterior:
         problem: of all parameters that may act, with the draws' mean noise.
         start: values that the fit starts from, (P,).
         mixture, families, findings, record: see :class:`PosteriorFit`.
+        seed: of the robots that are drawn.
     """
 
     problem: FitProblem
@@ -117,6 +120,7 @@ class DrawnPosterior:
     families: tuple[SizeOfFamily, ...]
     findings: tuple[str, ...]
     record: DrawRecord
+    seed: int = 0
 
     def predict_held_out(self, split: Split) -> Array:
         """Return residuals (n, r) of samples held out, by the fit with the draws' rms sizes."""
@@ -144,7 +148,7 @@ class DrawnPosterior:
     def _fit_about(self, gram: Array, errors: Array, each: int) -> tuple[Fit, MixtureMoments]:
         """Return the mean as linearised about errors (P,), and what else the mixture says."""
         problem, z = self.problem, errors / self.problem.prior
-        moments = self.mixture.moments(gram, z, each)
+        moments = self.mixture.moments(gram, z, each, self.seed)
         step = np.append(moments.mean - z, -1.0)
         cost = float(step @ gram @ step + moments.mean @ moments.mean)
         found = Solution(problem.prior * moments.mean, moments.information_root, cost)
@@ -163,6 +167,8 @@ def draw_posterior(
     share: float = 1.0,
     start: Mapping[str, float] | None = None,
     weight: Array | None = None,
+    limits: ChainLimits = NO_LIMITS,
+    base: FitProblem | None = None,
 ) -> DrawnPosterior:
     """Draw the sizes of everything that may act.
 
@@ -176,6 +182,8 @@ def draw_posterior(
         sweeps: how often every size is drawn, as usual if not given.
         share: of a run that is looked at, which is what ``run`` is.
         start: factors of families that the draws begin with, by name; of others those of the fit.
+        limits: seed of the draws, and how many causes may act.
+        base: a fit of the same set-up to ``run``, whose basis functions are used; none: a new one.
         weight: by how much each sample of ``run`` counts in the fit, (n,); in full where it is not given.
     """
     # 600: readings of a long run say how large the families are, of a short one those that are independent: noise that
@@ -183,17 +191,19 @@ def draw_posterior(
     most = min(round(600 * share) // whole.width, int(len(run) / correlation_time) + 1)
     looked = even_positions(len(run), min(most, len(run)))
     few = run.take(looked) if len(looked) < len(run) else run
+    base = FitProblem.of(whole, run) if base is None else base
     weight = np.ones(len(run)) if weight is None else weight
     found = before.model.subset([k for k, p in enumerate(before.model.parameters) if _is_kept(p.group, curves)])
     families = _Families.of(found, whole, without_rivals_of(curves, background))
     errors = before.at(families.model.names)
-    effects = _linearize(FitProblem.of(families.model, few), errors, families, weight[looked])
+    looked_at = base.take(looked) if len(looked) < len(run) else base
+    effects = _linearize(looked_at.restart_with(families.model), errors, families, weight[looked])
     count = effects.noise.shape[1]
     noise = before.problem.whitener.noise
     logs = np.log([noise.gauge, noise.joints, noise.angle][:count])
     first = {} if start is None else start
     begin = np.array([first.get(n, own) for n, own in zip(families.names, families.start, strict=True)])
-    draws = draw_sizes(effects, SizeDraw(begin, logs), sweeps=sweeps)
+    draws = draw_sizes(families.limit(effects, limits), SizeDraw(begin, logs), limits.seed, sweeps)
     factors = np.stack([d.factors for d in draws])
     acting = factors.any(axis=0)
     kept = np.flatnonzero(np.append(acting, True)[families.family])
@@ -204,7 +214,7 @@ def draw_posterior(
     drawn_weight = np.mean([d.weight for d in draws], axis=0)
     effects, weight = replace(effects, weight=drawn_weight), weight.copy()
     weight[looked] = drawn_weight
-    problem = FitProblem.of(families.model.subset(list(kept)), run, Noise(*map(float, parts)))
+    problem = base.restart_with(families.model.subset(list(kept)), Noise(*map(float, parts)))
     problem = replace(problem, weight=weight)
     mixture = SizeMixture(size, ease)
     acts = np.mean([d.acting for d in draws], axis=0)
@@ -214,7 +224,7 @@ def draw_posterior(
     )
     stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDING_PROBABILITY)
     record = DrawRecord(families.model, few, errors, families.names, effects, draws)
-    return DrawnPosterior(problem, errors[kept], mixture, sizes, stand, record)
+    return DrawnPosterior(problem, errors[kept], mixture, sizes, stand, record, limits.seed)
 
 
 def _is_kept(group: str, curves: frozenset[str]) -> bool:
@@ -282,6 +292,12 @@ class _Families:
         priors = tuple(kinds.get(n, plain) for n in names)
         start = np.array([0.0 if n in behind else 1.0 for n in names])
         return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start)
+
+    def limit(self, effects: RandomEffects, limits: ChainLimits) -> RandomEffects:
+        """Let no more causes with a name act together than are asked for."""
+        optional = [(f, name) for f, name in enumerate(self.names) if self.priors[f].factors[0] == 0.0]
+        limited = tuple(f for f, name in optional if has_name(name) and limits.counts(name))
+        return replace(effects, limited=limited, most=limits.most_causes or 0)
 
 
 def _spike_and_slab(factors: Array, weight: Array, acting: float, pool: int = 0) -> SizePrior:

@@ -168,7 +168,7 @@ class FitProblem:
         samples, memory = self.samples, ProblemCache()
         if len(self) <= PIECE_SAMPLES:
             key = np.arange(len(self))[which].tobytes()
-            memory.context = self.memory.parts.setdefault(key, Context(self.model.setup, samples.take(which)))
+            memory.context = self.memory.parts.setdefault(key, self.context.take(which))
             samples = memory.context.samples
         else:
             samples = samples.take(which)

@@ -8,6 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
+from planner.common.summary import Aside
 from planner.common.system import give_back_memory
 from planner.common.units import MM, Array, to_mm
 from planner.effects.steps import SLIP
@@ -18,6 +19,7 @@ from planner.identification.assumptions import (
     DENSE_READINGS,
     NOTICED,
     POSITION_AXES,
+    WORTH_SAYING,
 )
 from planner.identification.compromise import choose_compromise, interpolate_fit
 from planner.identification.cross_validation import Split, predict_held_out
@@ -32,7 +34,9 @@ from planner.identification.misfit import (
     predict_validation,
 )
 from planner.identification.posterior_background import EffectFamily, background_families, curve_groups
+from planner.identification.posterior_draws import ChainLimits
 from planner.identification.posterior_fit import PosteriorFit, draw_posterior
+from planner.identification.problem import FitProblem
 from planner.identification.released_robot import ReleasedRobot, ToolMap, drift_of, tool_maps
 from planner.identification.stages import FitContext, FittedStage
 from planner.identification.unseen_errors import unseen_errors
@@ -63,25 +67,32 @@ def release_robot(
         NoSolutionError: the posterior does not come to rest.
     """
     last, plain = stages[-1].fit, next(s for s in stages if s.stage.name == "geometry")
-    run, split = context.run, context.split
+    run, split, limits = context.run, context.split, context.limits
     few = context.part(last.model)
     if few is not None:
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
     families = background_families(last.setup, context.run.samples)
+    if geometry_alone:  # only what every robot and gauge has: no cause is looked for
+        families = tuple(f for f in families if f.known or f.certain or f.usual)
     dense = len(context.run) * whole.width >= DENSE_READINGS * len(last.model.names)
     found = curve_groups(last.model) if dense else frozenset()
     weight = _weight_without_slips(last, stages[-1].stage.weight)
     weight = weight if few is None else weight[few]
-    curves, start = _choose_curves(last, run, split, whole, families, time, found, weight)
-    posterior = draw_posterior(last, run, whole, families, time, curves, start=start, weight=weight).fit()
+    base = FitProblem.of(whole, run)
+    curves, start = _choose_curves(last, run, split, base, families, time, found, weight, limits)
+    posterior = draw_posterior(
+        last, run, whole, families, time, curves, start=start, weight=weight, limits=limits, base=base
+    ).fit()
     give_back_memory()
     weight = posterior.fit.problem.weight
     plain = plain if few is not None else _count_as_posterior(plain, weight, context)
-    regions = predict_regions(last, run, whole, families, time, posterior.record.last_factors, curves, weight)
+    regions = predict_regions(
+        last, run, whole, families, time, posterior.record.last_factors, curves, weight, limits, base
+    )
     judged = None if context.validation is None else predict_validation(posterior, context.validation, time)
     unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
     nameless, repeats = posterior.record.count_nameless(), RepeatedReadings.of(posterior.fit, run)
-    misfit = draw_misfit(unseen, posterior.drawn.shape[1], nameless, repeats)
+    misfit = draw_misfit(unseen, posterior.drawn.shape[1], nameless, repeats, limits.seed)
     drift, maps = drift_of(cell, run, posterior), tool_maps(cell, context.run, posterior.fit)
     known, own = (posterior, misfit, drift, *maps), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, *known, own.held_out, own.validation, own.held_residual)
@@ -151,11 +162,12 @@ def _choose_curves(
     last: Fit,
     run: Run,
     split: Split,
-    whole: Model,
+    base: FitProblem,
     families: Sequence[EffectFamily],
     time: float,
     curves: frozenset[str],
     weight: Array,
+    limits: ChainLimits,
 ) -> tuple[frozenset[str], Mapping[str, float] | None]:
     """Return the curves that stand for harmonics and ripple of their gears, and factors that the draws begin with.
 
@@ -165,7 +177,9 @@ def _choose_curves(
         return curves, None
     starts, held = [], []
     for tried in (frozenset[str](), curves):
-        few = draw_posterior(last, run, whole, families, time, tried, sweeps=SWEEPS, weight=weight)
+        few = draw_posterior(
+            last, run, base.model, families, time, tried, sweeps=SWEEPS, weight=weight, limits=limits, base=base
+        )
         held.append(few.predict_held_out(split) * np.sqrt(weight)[:, None])
         starts.append(few.record.last_factors)
         del few  # all that may act of one at a time: nothing is as large
@@ -247,6 +261,19 @@ def _describe_work_tool(released: ReleasedRobot, tool: ToolMap) -> WorkToolError
         anywhere=released.likely_workspace_error(released.fit, tool),
         nominal_anywhere=released.likely_workspace_error(None, tool),
     )
+
+
+def draws_note(released: ReleasedRobot) -> list[str]:
+    """Say how far other draws would move what is stated, where that is worth saying."""
+    median, limit = (released.scatter_by_draws(at) for at in (0.5, 0.95))
+    if max(median, limit) < WORTH_SAYING:
+        return []
+    return [
+        Aside(
+            f"the error over the workspace is computed from random draws: with another --seed it would differ by about "
+            f"{median:.0%}, its 95 % limit by {limit:.0%}"
+        )
+    ]
 
 
 def tool_point_advice(released: ReleasedRobot) -> list[str]:

@@ -203,19 +203,10 @@ class ReleasedRobot:
         here = {name: k for k, name in enumerate(known.fit.model.names)}
         at = [k for k, n in enumerate(where.names) if n in here and known.drawn[here[n]].any()]
         names = [where.names[k] for k in at]
-        off, own = np.zeros((len(where.names), known.drawn.shape[1])), np.zeros(len(where.names))
-        off[at], own[at] = self.drawn_offsets[[here[n] for n in names]], self.offset(names, fit)
-        if (before := self._drawn_squares.get(id(where))) is None or before[0] is not where:  # the same of every fit
-            before = self._drawn_squares[id(where)] = where, np.asarray(((where.flat_rows @ off) ** 2).sum(axis=0))
-        moved = where.flat_rows @ own
-        square = before[1] - 2 * (moved @ where.flat_rows @ off) + moved @ moved
+        off = self.drawn_offsets[[here[n] for n in names]] - self.offset(names, fit)[:, None]
+        square = (off * (where.gram[np.ix_(at, at)] @ off)).sum(axis=0)
         beside = POSITION_AXES * self.misfit.rest**2 + self.drift**2
         return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + beside))
-
-    @cached_property
-    def _drawn_squares(self) -> dict[int, tuple[ToolMap, Array]]:
-        """Squared motion over all states of the drawn robots from the posterior's mean, (n,) [m²], by tools asked."""
-        return {}
 
     @cached_property
     def drawn_offsets(self) -> Array:
@@ -255,6 +246,16 @@ class ReleasedRobot:
         square = np.einsum("pn,pn->n", off, where.gram @ off) / len(where.q)
         beside = POSITION_AXES * self.misfit.rest**2 + self.drift**2
         return float(np.sqrt(np.quantile(np.maximum(square, 0.0) + beside, 0.95)))
+
+    def scatter_by_draws(self, at: float) -> float:
+        """Return how far other draws would move a quantile ``at`` of the error, one sigma, as a share of it.
+
+        By its scatter between a few stretches of the draws, each long enough to forget where it began (batch means;
+        Flegal and Jones 2010, Annals of Statistics 38(2)).
+        """
+        stretches = np.array_split(self.drawn_errors(self.fit), 6)
+        own = np.array([np.quantile(part, at) for part in stretches])
+        return float(own.std(ddof=1) / np.sqrt(len(own)) / max(own.mean(), 1e-300))
 
     @cached_property
     def other_tool_anywhere(self) -> float:

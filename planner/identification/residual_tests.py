@@ -21,7 +21,7 @@ from planner.identification.cross_validation import number_targets
 from planner.identification.least_squares import Fit, subset_size
 from planner.identification.problem import FitProblem, ProblemCache
 from planner.identification.residual_alternatives import alternative_columns, joint_columns
-from planner.identification.row_basis import space_basis
+from planner.model.row_basis import space_basis
 
 FEWEST_DOF = 10.0  # degrees of freedom of the correlation time, below which nothing is said
 MEASURING_ORDER = "order of measuring"

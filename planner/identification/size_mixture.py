@@ -8,9 +8,10 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri, dtrtri
 
 from planner.common.arrays import mirror_lower
+from planner.common.determinism import with_fixed_signs
 from planner.common.units import Array
 
-EACH = 8  # robots drawn with each of the sizes
+EACH = 32  # robots drawn with each of the sizes: what 95 % of all stay below then scatters by 3 %, by 8 each 6 %
 
 
 @dataclass(frozen=True)
@@ -125,4 +126,4 @@ def _root(square: Array) -> Array:
     unit = np.sqrt(np.maximum(np.diag(square), 0.0))
     unit = np.where(unit > 0, unit, 1.0)
     values, axes = np.linalg.eigh(square / np.outer(unit, unit))
-    return np.asarray(unit[:, None] * axes * np.sqrt(np.maximum(values, 0.0)))
+    return np.asarray(unit[:, None] * with_fixed_signs(axes) * np.sqrt(np.maximum(values, 0.0)))

@@ -17,6 +17,7 @@ from planner.identification.calibration import TracingResult
 from planner.identification.cross_validation import HeldOutPrediction, Split, predict_held_out
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit, fit
+from planner.identification.posterior_draws import ChainLimits
 from planner.identification.problem import PIECE_SAMPLES, FitProblem
 from planner.identification.wild_rows import unseen_weights
 from planner.model.identification_document import Metrics, Stage
@@ -50,6 +51,7 @@ class FitContext:
         unseen: parameters that may be off as well, and that the run cannot tell from those that are fitted.
         validation: a run that no fit sees.
         of_part: whether the run is a part of a longer one.
+        limits: seed of the draws, and how many causes may act.
     """
 
     run: Run
@@ -58,6 +60,7 @@ class FitContext:
     unseen: tuple[Parameter, ...] = ()
     validation: Run | None = None
     of_part: bool = False
+    limits: ChainLimits = field(default_factory=ChainLimits)
     _problems: dict[bool, FitProblem] = field(default_factory=dict, repr=False, compare=False)
 
     def redundancy(self, model: Model) -> int:

@@ -16,8 +16,8 @@ from scipy.linalg.blas import dtrsm
 from planner.common.units import Array
 from planner.effects.effect import Parameter, ParameterMove
 from planner.identification.problem import FitProblem
-from planner.identification.row_basis import posterior_basis
 from planner.kinematics.chain import ForwardPass
+from planner.model.row_basis import posterior_basis
 from planner.tracing.dictionary import EffectDictionary, WhitenedDictionary, whiten
 
 

@@ -10,7 +10,7 @@ from planner.common.progress import StageReport
 from planner.common.system import give_back_memory
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Effect, Parameter, Role
-from planner.effects.steps import Steppable
+from planner.effects.steps import SLIP, Steppable
 from planner.identification.stages import FitContext, error_reduction
 from planner.identification.wild_rows import unseen_weights
 from planner.tracing.assumptions import RETRY_RATIO
@@ -125,7 +125,11 @@ class SearchContext:
         return min(states, key=lambda s: s.evidence(time))
 
     def try_refit(self, state: SearchState, effects: tuple[FittedEffect, ...]) -> SearchState | None:
-        """Refit with other effects, ``None`` where the fit does not come to rest."""
+        """Refit with other effects, ``None`` where there are more than asked for or the fit does not come to rest."""
+        limits = self.fit_context.limits
+        causes = {f.effect.family for f in effects if f.effect.kind != SLIP and limits.counts(f.effect.kind)}
+        if limits.most_causes is not None and len(causes) > limits.most_causes:
+            return None
         try:
             return state.refit(self.fit_context, effects)
         except NoSolutionError:

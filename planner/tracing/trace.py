@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from scipy.special import chdtri, chndtrinc
 
 from planner.common.progress import StageReport
 from planner.common.system import give_back_memory
@@ -153,11 +154,8 @@ def _sample_values(effect: Effect) -> list[float | None]:
 @cache
 def _noncentrality(size: int, tried: int) -> float:
     """Noncentrality at which a test of ``size`` parameters at the search's level has its power."""
-    from scipy.optimize import brentq
-    from scipy.stats import chi2, ncx2  # costs most of a second
-
-    needed = float(chi2.isf(np.exp(LOG_SIGNIFICANCE) / tried, size))
-    return float(brentq(lambda nc: ncx2.sf(needed, size, nc) - DETECTION_POWER, 1e-3, 10 * needed + 100))
+    needed = float(chdtri(size, np.exp(LOG_SIGNIFICANCE) / tried))
+    return float(chndtrinc(needed, size, 1.0 - DETECTION_POWER))
 
 
 def locate_change(state: SearchState, found: FittedEffect, finding: Finding, run: Run) -> Finding:

@@ -248,7 +248,7 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
         NoSolutionError: the fit does not come to rest.
     """
     stages = Stages(asked.progress)
-    settings = FitSettings(asked.hold_out, asked.seed, asked.geometry, asked.release)
+    settings = FitSettings(asked.hold_out, asked.seed, asked.geometry, asked.release, asked.most_causes)
     measured = asked.runs.run if isinstance(asked.runs, Result) else asked.runs
     if not isinstance(measured, Run | Path | str):
         sources = run_sources(measured, asked.cell, asked.plan)
@@ -256,7 +256,7 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
             return _identify_sessions(sources, stages, asked, settings)
     cell, plan = single_value(asked.cell, "--cell"), _plan_of_poses(single_value(asked.plan, "--plan"))
     where = with_priors(with_fleet(_cell_of(cell, plan), asked.fleet), asked.priors)
-    found = identify_runs(measured, where, stages, plan, asked.validate, settings, tracing=not asked.no_trace)
+    found = identify_runs(measured, where, stages, plan, asked.validate, settings, tracing=asked.traces)
     return _result(found, where, asked, stages)
 
 
@@ -270,7 +270,7 @@ def _identify_sessions(
         judge = asked.validate
         other = kept_out if judge is None else drop_unreadable(cell, load_any(judge, cell.robot))
     with stages.stage("identification"):
-        tracer = None if asked.no_trace else trace
+        tracer = trace if asked.traces else None
         found = fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), tracer)
     foreseen = tuple(() if plan is None else _foreseen_errors(plan) for plan in plans)
     return _result(found.model_copy(update={"planned_errors": foreseen}), cell, asked, stages)

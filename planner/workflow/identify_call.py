@@ -59,7 +59,10 @@ class IdentifyCall(Call):
     ] = None
     fleet: FleetOption = None
     no_trace: Annotated[bool, Option("seek no causes of what geometry leaves")] = False
-    geometry: Annotated[bool, Option("the calibrated robot holds geometry alone")] = False
+    geometry: Annotated[bool, Option("the calibrated robot holds geometry alone, and no causes are sought")] = False
+    most_causes: Annotated[
+        int | None, Option("at most so many causes with a name act together (default: any number)", min=0, max=25)
+    ] = None
     hold_out: Annotated[float, Option("share of the groups held out at a time", min=0.02, max=0.5)] = 0.2
     tolerance_mm: Annotated[
         float | None,
@@ -78,3 +81,8 @@ class IdentifyCall(Call):
     ] = True
     seed: Seed = 0
     progress: ProgressKeyword = no_progress
+
+    @property
+    def traces(self) -> bool:
+        """Whether causes are sought."""
+        return not (self.no_trace or self.geometry)

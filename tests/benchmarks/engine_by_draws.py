@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from planner.identification.reading_precision import FamilyBlock
 
 from planner.common.determinism import even_positions
 from planner.common.progress import StageReport
@@ -48,7 +49,6 @@ from planner.identification.posterior_fit import (
     IndependentReadings,
 )
 from planner.identification.problem import FitProblem
-from planner.identification.reading_precision import FamilyBlock
 from planner.identification.stages import FitContext
 from planner.tracing.assumptions import QUICKNESSES
 from planner.tracing.effect_scores import ScoreTest

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from planner.identification.row_basis import posterior_basis
 from planner.model.columns import Columns
+from planner.model.row_basis import posterior_basis
 
 
 @pytest.fixture

@@ -16,8 +16,8 @@ from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.effects.catalogue import Excitation
 from planner.effects.gauge_shapes import GAUGE_HANGING, GAUGE_SHAPE, BarShape, gauge_shapes
-from planner.identification import reading_precision
 from planner.identification.assumptions import EXPECTED_CAUSES, PREVALENCE
+from planner.identification.family_gains import FamilyGains, padded_width
 from planner.identification.posterior_background import OF_BACKGROUND, background_families
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.size_mixture import SizeMixture
@@ -51,7 +51,7 @@ def test_what_the_noise_may_be_is_drawn_as_the_dense_covariance_says(m, p):
     model, logs, factors = model_of(m=m, p=p), np.array([0.2, -0.3]), np.array([0.5, 0.0])
     X, D = model.columns * model.sizes(factors), np.diag(model.variance(logs))
     inverse, rng = np.linalg.inv(D + X @ X.T), np.random.default_rng(0)
-    drawn = np.stack([model.draw_residual(SizeDraw(factors, logs), rng) for _ in range(4000)])
+    drawn = np.stack([model.draw_residual(model.at(SizeDraw(factors, logs)), rng) for _ in range(4000)])
     covariance = D - D @ inverse @ D
     unit = np.sqrt(np.diag(covariance))
     assert np.abs((drawn.mean(axis=0) - D @ inverse @ model.y) / unit).max() < 5 / np.sqrt(len(drawn))
@@ -77,36 +77,31 @@ def test_noise_is_drawn_from_its_posterior(monkeypatch):
     assert drawn.std(axis=0) == pytest.approx(deviation, rel=0.15)
 
 
-@pytest.mark.parametrize("waiting", [0, 1, 64])
 @pytest.mark.parametrize("changes", [(), ((1, 1.5),), ((0, 1.5), (1, 0.5), (0, 0.0))])
 @pytest.mark.parametrize(("m", "p", "idle"), [(20, 9, 0), (6, 13, 0), (20, 9, 40)], ids=["", "many act", "few act"])
-def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypatch, changes, waiting, m, p, idle):
-    """At a draw, and after the sizes of families changed one after the other, however many changes may wait.
-
-    Where few columns act only families that are asked for are multiplied; where many do, the readings are fewer.
-    """
-    monkeypatch.setattr(reading_precision, "MOST_WAITING", waiting)
+def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(changes, m, p, idle):
+    """At a draw, and after the sizes of families changed one after the other."""
     model, logs = model_of(m=m, p=p), np.array([0.1, -0.2])
     more = np.random.default_rng(5).normal(size=(m, idle))
     family = np.append(model.family, np.repeat(2 + np.arange(idle // 4), 4))
     priors = (LEVELS,) * (2 + idle // 4)
     model = replace(model, columns=np.hstack([model.columns, more]), family=family, priors=priors)
     factors = np.append(0.5, np.zeros(len(priors) - 1))
-    known = model.precision(SizeDraw(factors.copy(), logs))
+    known = FamilyGains(model.at(SizeDraw(factors.copy(), logs)), model.places)
     for family, factor in changes:
-        known.add(known.block(family), factor**2 - factors[family] ** 2)
+        known.set_size(family, factor)
         factors[family] = factor
     X = model.columns * model.sizes(factors)
     C = np.diag(model.variance(logs)) + X @ X.T
-    own = model.sorted_columns[:, :-1]
+    own = model.sorted_columns[:, : model.places[-1].stop]
     dense = own.T @ np.linalg.solve(C, own)
     for family, place in enumerate(model.places):
-        width = reading_precision.padded_width(place.stop - place.start)
+        width = padded_width(place.stop - place.start)
         padded = np.zeros((width, width))
         padded[: place.stop - place.start, : place.stop - place.start] = dense[place, place]
         assert known.grams([family])[0] == pytest.approx(padded, rel=1e-6, abs=1e-7)
-    toward = np.append(own, model.y[:, None], axis=1).T @ np.linalg.solve(C, model.y)
-    assert known.toward == pytest.approx(np.append(toward, 0.0), rel=1e-6, abs=1e-7)
+    toward = own.T @ np.linalg.solve(C, model.y)
+    assert known.toward[: len(toward)] == pytest.approx(toward, rel=1e-6, abs=1e-7)
     more = np.array([0.3, 2.0])
     gains = [density(model, (factors[0], np.sqrt(factors[1] ** 2 + v), *factors[2:]), logs) for v in more]
     assert known.gains([1], more)[0] == pytest.approx(np.array(gains) - density(model, factors, logs), abs=1e-5)

@@ -7,7 +7,7 @@ from scipy.linalg.lapack import dtrcon
 
 from planner.common.units import Array
 
-REFLECTED_NUMBERS = 1_000_000  # of rows, up to which their basis is found by Householder's reflections
+REFLECTED_NUMBERS = 20_000  # of rows, up to which their basis is found by Householder's reflections
 
 
 def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
