@@ -127,10 +127,10 @@ class Context:
         """Value of a basis function, (n,) or (1,), remembered for as long as the context lives."""
         if phi not in self._known:
             alone = self._whole is not None and getattr(phi, "looks_at_samples_alone", False)
-            self._known[phi] = self._taken(phi) if alone else phi(self)
+            self._known[phi] = self._take_value(phi) if alone else phi(self)
         return self._known[phi]
 
-    def _taken(self, phi: "Callable[[Context], Array]") -> Array:
+    def _take_value(self, phi: "Callable[[Context], Array]") -> Array:
         assert self._whole is not None
         whole, which = self._whole
         value = whole.value(phi)

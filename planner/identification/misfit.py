@@ -178,21 +178,19 @@ NEVER_REPEATED = RepeatedReadings()
 def predict_regions(
     before: Fit,
     run: Run,
-    whole: Model,
+    base: FitProblem,
     background: Sequence[EffectFamily],
     time: float,
     start: Mapping[str, float],
     curves: frozenset[str],
     weight: Array,
     limits: ChainLimits = NO_LIMITS,
-    base: FitProblem | None = None,
 ) -> tuple[HeldOutRegion, ...]:
     """Predict every region of the workspace by a posterior of the others; the arguments as of ``draw_posterior``.
 
     Rows that stand outside the noise are not held against any.
     """
-    region, base = number_regions(run.samples, before), FitProblem.of(whole, run) if base is None else base
-    out = []
+    region, out = number_regions(run.samples, before), []
     for k in range(region.max() + 1):
         out.append(_predict_region(before, run, region == k, base, background, time, start, curves, weight, limits))
         base.memory.parts.clear()  # basis functions of a region and of the others
@@ -338,19 +336,13 @@ def _predict_region(
     limits: ChainLimits,
 ) -> HeldOutRegion:
     """Predict the positions of the samples ``test`` (n,) bool by a posterior of the others."""
-    whole = base.model
-    seen = _thin(np.flatnonzero(~test), 2_400 // whole.width)  # readings of a long run that fit and judge
-    unseen = _worth_one_each(np.flatnonzero(test & (weight >= COUNTED)), time, whole.width)
+    seen = _thin(np.flatnonzero(~test), 2_400 // base.model.width)  # readings of a long run that fit and judge
+    unseen = _worth_one_each(np.flatnonzero(test & (weight >= COUNTED)), time, base.model.width)
     worth, share = max(1.0, time * len(seen) / (~test).sum()), float((~test).mean())
     own, others = base.take(seen), run.take(seen)
+    given = before, others, base.model, background, worth, curves
     drawn = draw_posterior(
-        *(before, others, whole, background, worth, curves),
-        sweeps=SWEEPS,
-        share=share,
-        start=start,
-        weight=weight[seen],
-        limits=limits,
-        base=own,
+        *given, sweeps=SWEEPS, share=share, start=start, weight=weight[seen], limits=limits, base=own
     )
     known, noise_root = drawn.fit_at_start()
     noise = _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth))
