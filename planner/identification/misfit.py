@@ -49,7 +49,6 @@ from planner.identification.posterior_draws import ChainLimits
 from planner.identification.posterior_fit import NO_LIMITS, PosteriorFit, draw_posterior
 from planner.identification.problem import FitProblem
 from planner.identification.wild_rows import validation_weights
-from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
 SWEEPS = 40  # how often sizes are drawn without each, from where those of the whole run stand
