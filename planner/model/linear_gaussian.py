@@ -70,7 +70,7 @@ class LinearGaussian:
         n, a = A.shape
         if a <= n:
             return posterior_basis(A, 1.0)
-        return None, np.linalg.qr(np.vstack([A.T, np.eye(n)]), mode="r")
+        return None, np.asarray(np.linalg.qr(np.vstack([A.T, np.eye(n)]), mode="r"))
 
     @cached_property
     def inverse(self) -> Array:
@@ -79,7 +79,7 @@ class LinearGaussian:
         if Q is not None:
             return np.eye(len(Q)) - Q @ Q.T
         root = np.asarray(dtrtri(R)[0])
-        return root @ root.T
+        return np.asarray(root @ root.T)
 
     @cached_property
     def log_det(self) -> float:
@@ -104,7 +104,7 @@ class LinearGaussian:
         Q, R = self._factors
         if Q is not None:
             return vectors, vectors @ Q
-        return vectors @ dtrtri(R)[0], np.zeros((len(vectors), 0))
+        return np.asarray(vectors @ dtrtri(R)[0]), np.zeros((len(vectors), 0))
 
     def toward(self, y: Array, which: slice | np.ndarray = EVERY) -> Array:
         """Return XᵀC⁻¹y of some columns, (k,)."""
@@ -151,7 +151,8 @@ class LinearGaussian:
         """
         square = self.prior[which] ** 2
         more = np.broadcast_to(np.square(prior), square.shape) - square
-        own, sides, signs, growth = self.white[:, which], [], [], 0.0
+        own, growth = self.white[:, which], 0.0
+        sides, signs = list[Array](), list[Array]()
         for sign in (1.0, -1.0):
             moved = own[:, sign * more > 0] * np.sqrt(np.abs(more[sign * more > 0]))
             if not moved.shape[1]:
