@@ -87,6 +87,7 @@ def release_robot(
     weight = posterior.fit.problem.weight
     plain = plain if few is not None else _count_as_posterior(plain, weight, context)
     regions = predict_regions(last, run, base, families, time, posterior.record.last_factors, curves, weight, limits)
+    base.memory.forget({m.phi for p in posterior.fit.model.parameters for m in p.moves})
     judged = None if context.validation is None else predict_validation(posterior, context.validation, time)
     unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
     nameless, repeats = posterior.record.count_nameless(), RepeatedReadings.of(posterior.fit, run)
