@@ -59,11 +59,8 @@ def _base_words(released: ReleasedRobot) -> tuple[str, str]:
 def _load_words(released: ReleasedRobot, samples: Samples, joint: int) -> tuple[str, str]:
     """Say under which loads a joint was not measured, and that poses with these show it."""
     anywhere, run = (_loads(released, s, joint) for s in (Samples.at(released.tool.q), samples))
-    low, high = float(run.min()), float(run.max())
-    beyond = list(_sides(anywhere, low, high))
-    where = " and ".join(beyond) or "of the other sense"
-    what = f"how joint {joint + 1} turns under loads {where} (measured: {low:.3g} to {high:.3g} Nm)"
-    return what, f"poses that load joint {joint + 1} so"
+    sides = " or ".join(_sides(anywhere, float(run.min()), float(run.max()))) or "to the other side"
+    return f"how joint {joint + 1} turns under loads {sides}", "poses with such loads"
 
 
 def _loads(released: ReleasedRobot, samples: Samples, joint: int) -> Array:
