@@ -244,7 +244,7 @@ def _expected_gears(cell: Cell, setup: MeasurementSetup) -> list[Effect]:
 def _expected_usual(cell: Cell, setup: MeasurementSetup, samples: Samples) -> list[Effect]:
     """Return lost motion, loads that no pose shows and turns of the base, one effect a family."""
     typical, out = 0.25, []  # of sizes of which most robots have little and few much: so sums of several mostly are
-    for name, own in usual_errors(Excitation.of(setup, samples)):
+    for name, own in usual_errors(Excitation.of(setup, samples), planned=True):
         kind, _, joint = name.partition(", joint ")
         place = joint_place(int(joint) - 1) if joint else Place("base")
         size = typical * cell.robot.priors.factor(name)

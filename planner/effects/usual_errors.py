@@ -74,17 +74,22 @@ class LoadBeyond(BasisFunction, key="load-(above|below):JOINT:NUMBER:NUMBER", lo
         return LoadTorque(self.joint).plot_variable(c)
 
 
-def usual_errors(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
-    """Yield families of parameters, by name."""
+def usual_errors(run: Excitation, planned: bool = False) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
+    """Yield families of parameters, by name.
+
+    Of a run they are what its samples have not shown, beside the causes of the catalogue. Poses that are ``planned``
+    are to show them: joints have lost motion whatever the samples, and another law beyond half of their largest load.
+    """
     anywhere = _Anywhere(run)
     for of in ("tool", "flange"):
         yield f"{BASE_BY_PLACE}{of}", tuple(_base_by_place(of, anywhere.reach(of)))
     for joint in run.turning if run.setup.weighs else ():
         most = float(np.abs(anywhere.torque[:, joint]).max())
         if most > LEAST_LOAD:
-            if not is_loaded_both_ways(run, joint):  # else play by load stands for it
+            if planned or not is_loaded_both_ways(run, joint):  # else play by load stands for it
                 yield f"{LOST_MOTION_OF}{joint + 1}", (_lost_motion(run, joint, most),)
-            yield f"{BEYOND_LOADS}{joint + 1}", tuple(_beyond(run, joint, most))
+            load = np.array([-0.5, 0.5]) * most if planned else run.context.load_torque[:, joint]
+            yield f"{BEYOND_LOADS}{joint + 1}", tuple(_beyond(run, joint, load, most))
 
 
 class _Anywhere:
@@ -127,8 +132,7 @@ def _lost_motion(run: Excitation, joint: int, most: float) -> Parameter:
     return Parameter(f"lost_motion{joint + 1}", "rad", LOST_MOTION.usual, what, moves)
 
 
-def _beyond(run: Excitation, joint: int, most: float) -> Iterator[Parameter]:
-    load = run.context.load_torque[:, joint]
+def _beyond(run: Excitation, joint: int, load: Array, most: float) -> Iterator[Parameter]:
     ends: Sequence[tuple[str, float]] = (("above", float(load.max())), ("below", float(load.min())))
     for side, end in ends:
         moves = transform_move(run.rotation(joint), LoadBeyond(side, joint, round(end, 6), round(0.3 * most, 6)))

@@ -109,6 +109,17 @@ def test_sizes_follow_a_fleet_and_no_name_comes_twice(setup):
     assert f"{BEYOND_LOADS}2" in families
 
 
+def test_poses_that_are_planned_can_show_both_sides_of_every_loaded_joint(setup):
+    """Whatever the candidates: each family of a loaded joint moves some pose with a large load, to either side."""
+    run, anywhere = (Excitation.of(setup, s) for s in (states(setup, 100), states(setup, 400, 2)))
+    families = dict(usual_errors(run, planned=True))
+    (side,), (above, below) = families[f"{LOST_MOTION_OF}3"], families[f"{BEYOND_LOADS}3"]
+    load = anywhere.context.load_torque[:, 2]
+    for p, there in ((above, load > 0.8 * load.max()), (below, load < 0.8 * load.min())):
+        assert anywhere.values(p.main_move.phi)[there].min() > 0.5
+    assert np.sign(anywhere.values(side.main_move.phi)) == pytest.approx(np.sign(load))
+
+
 def test_keys_lead_back_to_the_functions():
     for phi in (PlacePower("tool", 0.8, 1, 1), PlacePower("flange", 2.1, 0, 2), LoadSide(2, 15.0),
                 LoadBeyond("above", 1, 30.5, 12.0), LoadBeyond("below", 4, -3.0, 1.5)):  # fmt: skip
