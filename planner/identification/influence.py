@@ -7,7 +7,7 @@ Source: Belsley, Kuh, Welsch, Regression Diagnostics, 1980, chapter 2, for a blo
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -73,9 +73,9 @@ class _Linear:
     def spread(self) -> Array:
         """Inverse (P, P) of the information per prior sigma, the prior included."""
         wide = self.rows.reshape(-1, self.rows.shape[2])
-        return np.linalg.inv(wide.T @ wide + np.eye(wide.shape[1]))
+        return np.asarray(np.linalg.inv(wide.T @ wide + np.eye(wide.shape[1])))
 
-    def diagnostics(self) -> dict[str, object]:
+    def diagnostics(self) -> dict[str, Any]:
         """Return the fields of :class:`Influence`."""
         prior, width = self.fit.problem.prior, self.rows.shape[1]
         gain = self.rows @ self.spread  # (n, r, P)

@@ -94,7 +94,7 @@ class StudySummary:
     def _map(self) -> dict[str, Any]:
         m = self.places
         best, present = (
-            {"position_mm": _mm(p.p_BX), "status": p.status, "parameters_seen": p.rank, "value": _round(p.value)}
+            {"position_mm": _mm(p.p_BX), "status": p.status, "parameters_seen": p.rank, "ratio": _round(m.ratio(p))}
             for p in (m.best_place, m.present)
         )
         counts = {"places": len(m.places), "usable": len(m.usable_places)}
@@ -255,7 +255,7 @@ def map_csv(study: StudySummary) -> str:
             | {f"{axis}_mm": float(x / MM) for axis, x in zip("xyz", p.p_BX, strict=True)}
             | {"status": p.status, "candidates": p.candidates}
             | {"parameters_seen": p.rank if p.information is not None else None, "index": places.index}
-            | {"poses": places.poses, "value": p.value, "best": p is places.best_place}
+            | {"poses": places.poses, "ratio_to_present": places.ratio(p), "best": p is places.best_place}
             for p in places.places
         ]
     )

@@ -1,5 +1,6 @@
 """Which points of a sweep differ beyond chance: the same arms at each, so that differences are of pairs."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from math import erfc
@@ -77,7 +78,7 @@ def _steps(points: pl.DataFrame, axes: tuple[str, ...]) -> list[tuple[str, int, 
     out = []
     for axis in axes:
         others = [a for a in axes if a != axis]
-        groups = points.group_by(others, maintain_order=True) if others else [((), points)]
+        groups: Iterable[tuple[Any, pl.DataFrame]] = points.group_by(others, maintain_order=True)
         out += [(axis, a, b) for _, part in groups for a, b in pairwise(part["point"].to_list())]
     return out
 

@@ -54,7 +54,9 @@ def test_tables_and_summary_say_the_same(done, told):
     places = pl.read_csv(folder / "fixture_map.csv")
     best = places.filter("best")
     assert len(places) == told["fixture_map"]["places"]
-    assert places["value"].max() == best["value"].item() == told["fixture_map"]["best"]["value"]
+    ratio = places["ratio_to_present"]
+    assert ratio.max() == best["ratio_to_present"].item() == told["fixture_map"]["best"]["ratio"]
+    assert ratio[0] == told["fixture_map"]["present"]["ratio"] == 1.0  # the index itself stands on the curve alone
     steps = pl.read_csv(folder / "fixtures_needed.csv")
     assert steps["robot_seen"].to_list() == [s["robot_seen"] for s in told["fixtures"]["steps"]]
     curves = pl.read_csv(folder / "index_curve.csv").filter("bend")
