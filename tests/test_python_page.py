@@ -1,6 +1,8 @@
 """Every public name of the package stands in an example of the page on Python, and the examples run."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -79,3 +81,13 @@ def test_the_examples_of_the_desk_run(moving, tmp_path, monkeypatch):
     assert made["noise"].comparisons["differs"].to_list()
     assert len(made["fits"]) == 3
     assert made["spread"] > 0
+
+
+@pytest.mark.long
+def test_a_type_checker_agrees_with_the_first_example(tmp_path):
+    path = tmp_path / "first.py"
+    path.write_text(BLOCKS[0])
+    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache", path]
+    found = subprocess.run(command, cwd=PAGE.parents[1], capture_output=True, text=True, check=False)
+    assert "1 source file" in found.stdout, found.stderr
+    assert f"{path.name}:" not in found.stdout, found.stdout

@@ -8,10 +8,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from planner import frame_of_run, identify_many, run_of_frame, simulate, simulate_many
+from planner import frame_of_run, identify, identify_many, run_of_frame, simulate, simulate_many
 from planner.common.errors import InputError, MissingProgramError
 from planner.identification.influence import Influence
 from planner.identification.least_squares import solve
+from planner.workflow.plan_results import PosesResult
 from tests.simulation.made import cell_in, wide_plan
 
 ROBOT = "kuka-kr6-r700"
@@ -161,3 +162,18 @@ def test_a_run_goes_out_as_a_frame_and_comes_back(plan, cell):
     assert found.values == pytest.approx(identify_many([run], cell=cell, processes=1)[0].values, abs=1e-6)
     with pytest.raises(InputError, match="a data frame is needed"):
         run_of_frame(3)
+
+
+def test_a_frame_of_pandas_is_a_run_too(plan):
+    pandas = pytest.importorskip("pandas")
+    frame = frame_of_run(simulate(plan, seed=1).run)
+    foreign = pandas.DataFrame({name: frame[name].to_numpy() for name in frame.columns})
+    np.testing.assert_allclose(run_of_frame(foreign).readings.length, run_of_frame(frame).readings.length)
+
+
+def test_a_plan_of_poses_alone_is_refused_by_what_it_lacks(plan, cell):
+    poses = object.__new__(PosesResult)
+    with pytest.raises(InputError, match="poses alone"):
+        simulate(poses)
+    with pytest.raises(InputError, match="a plan of poses, or the path"):
+        identify(simulate(plan), cell=cell, plan=poses)
