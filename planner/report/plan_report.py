@@ -116,7 +116,7 @@ def _number_text(f: ErrorByNumber) -> str:
 
 
 def _mm(value: float) -> str:
-    return f"{float(to_mm(value)):.2f}" if value > 1e-4 else f"{float(to_mm(value)):.3f}"  # [m] a tenth of a mm
+    return text.in_mm(value, 2)
 
 
 def _tour_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:

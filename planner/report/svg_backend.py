@@ -82,6 +82,7 @@ def _seen_span(panel: Panel, axis: str) -> Span:
     if panel.cells is not None:
         values.append(np.array([-0.5, len(panel.cells.x_names) - 0.5]))
     seen = np.concatenate([*values, [line.at for line in panel.limits if line.upright == (axis == "x")]])
+    seen = seen[np.isfinite(seen)]
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (0.0, 1.0)
     pad = 0.0 if panel.cells is not None else 0.04 * (high - low) or 0.5  # part of the range
     return low - pad, high + pad
@@ -141,18 +142,25 @@ def _grid(panel: Panel, x: _Axis, y: _Axis) -> str:
 def _series(s: Series, x: _Axis, y: _Axis) -> str:
     if s.mark == "bars":
         return _bars(s, x, y)
-    at = np.rint(np.stack([x.place(s.x), y.place(s.y)], axis=1)).astype(int).clip(-GRID, 2 * GRID)
+    places = np.stack([x.place(s.x), y.place(s.y)], axis=1)
+    known = np.isfinite(places).all(axis=1)
+    at = np.rint(places[known].clip(-GRID, 2 * GRID)).astype(int)
+    if not len(at):
+        return ""
     if s.mark == "points":
         look = f'class="dots" stroke="{s.colour}" stroke-width="{s.size:g}"'
         look += "" if s.opacity == 1.0 else f' opacity="{s.opacity:g}"'
         if s.hover and len(at) <= 400:  # points up to which each has its text under the pointer
             each = (
-                f'<path d="M{a} {b}h0"><title>{escape(t)}</title></path>' for (a, b), t in zip(at, s.hover, strict=True)
+                f'<path d="M{a} {b}h0"><title>{escape(s.hover[k])}</title></path>'
+                for (a, b), k in zip(at, np.flatnonzero(known), strict=True)
             )
             return f'<g class="series" fill="none"><g {look}>{"".join(each)}</g></g>'
         return f'<path {look} d="{_dots(at)}"/>'
-    kept = at[np.append(True, (np.diff(at, axis=0) != 0).any(axis=1))]
-    way = f"M{kept[0, 0]} {kept[0, 1]}L" + " ".join(f"{a} {b}" for a, b in kept[1:]) if len(kept) > 1 else _dots(kept)
+    gap = np.append(True, np.diff(np.flatnonzero(known)) > 1)  # a line begins anew behind what is not known
+    moved = np.append(True, (np.diff(at, axis=0) != 0).any(axis=1)) | gap
+    kept, begins = at[moved], gap[moved]
+    way = "".join(f"{'M' if new else 'L'}{a} {b}" for (a, b), new in zip(kept, begins, strict=True))
     dash = ' stroke-dasharray="6 4"' if s.dashed else ""
     area = f'<path d="{way}V{GRID}H{kept[0, 0]}Z" fill="{s.colour}" opacity="0.18"/>' if s.filled else ""
     faint = "" if s.opacity == 1.0 else f' opacity="{s.opacity:g}"'

@@ -1,5 +1,6 @@
 """Nothing of a printed picture is cut off: its edge is blank; and its colours mean what they mean on the page."""
 
+import re
 from io import BytesIO
 
 import numpy as np
@@ -7,7 +8,7 @@ from matplotlib.image import imread
 
 from planner.report.chart import BLACK, GREEN, RED, Chart, ColourField, Panel, Series
 from planner.report.matplotlib_backend import chart_png
-from planner.report.svg_backend import field_pixels
+from planner.report.svg_backend import chart_html, field_pixels
 
 
 def ink(chart):
@@ -52,3 +53,16 @@ def test_an_even_field_looks_even():
     low, high = field.span
     assert low < 0.38 < 0.46 < high
     assert ColourField(np.arange(2.0), np.arange(2.0), np.eye(2), "").span == (0.0, 1.0)
+
+
+def test_a_line_has_a_gap_where_nothing_is_known_and_dots_are_drawn_once():
+    x, y = np.arange(5.0), np.array([0.0, 1.0, np.nan, 1.0, 0.0])
+    drawn = chart_html(Chart("c", "", "", (Panel("", "x", "y", (Series("", x, y, BLACK),)),)))
+    (way,) = re.findall(r'class="line" d="([^"]+)"', drawn)
+    assert way.count("M") == 2
+    assert way.count("L") == 2
+    twice = Series("", np.zeros(7), np.zeros(7), BLACK, "points")
+    drawn = chart_html(Chart("c", "", "", (Panel("", "x", "y", (twice,), x_range=(-1, 1), y_range=(-1, 1)),)))
+    assert re.findall(r'class="dots"[^>]* d="([^"]+)"', drawn) == ["M1000 1000h0"]
+    nothing = Series("", np.empty(0), np.empty(0), BLACK)
+    assert 'class="line"' not in chart_html(Chart("c", "", "", (Panel("", "x", "y", (nothing,)),)))

@@ -165,8 +165,9 @@ def test_a_calibration_worse_than_nominal_says_so_first():
     with tempfile.TemporaryDirectory() as folder:
         result.write(Path(folder) / "out")
         page = (Path(folder) / "out" / "report.html").read_text()
-    proof = page.index('class="proof')
-    assert 0 < page.index("WORSE THAN THE NOMINAL ROBOT", proof) - proof < 60
+    first = page[page.index("<h1") : page.index('class="first')]
+    assert "Do not use this calibration" in first
+    assert "WORSE THAN THE NOMINAL ROBOT" in first
     _, good = calibrated(released=True)
     assert good.worse_than_nominal is None
     assert "worse_than_nominal" not in good.content()
