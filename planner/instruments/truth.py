@@ -205,8 +205,11 @@ def read_truth(path: Path | Mapping[str, Any], cell: Cell, samples: Samples, cha
         if errors[k]:
             raise InputError(f"{where}: 'errors.{key}' gives {model.names[k]} a second time, in another unit")
         errors[k] = value * factor
-    more = expected_effects(cell, model.setup, samples)
-    return Truth(model, read_only(errors), effects_from_file(where, file.effects, model.setup, samples, more))
+    # another run of the same robot may have shown what these samples do not: one pose leaves nothing out
+    runs = (Samples.at(cell.home[None]), samples)
+    more = {e.name: e for run in runs for e in expected_effects(cell, model.setup, run)} if file.effects else {}
+    effects = effects_from_file(where, file.effects, model.setup, samples, tuple(more.values()))
+    return Truth(model, read_only(errors), effects)
 
 
 def _truth_of_run(path: Path) -> TruthFile:

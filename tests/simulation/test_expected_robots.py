@@ -71,6 +71,9 @@ def test_the_gears_of_a_drawn_robot_are_read_back_from_its_run(tmp_path):
     assert same.names == model.names
     assert np.allclose(errors, values, rtol=0, atol=1e-12)
     assert to_mm(true_error(cell, truth)) > 0.1
+    few = Samples.at(uniform_states(cell, 3, 8))  # of another plan of the same robot, as a check has
+    other = read_truth(tmp_path / "run.csv", cell, few)
+    assert [e.values for e in other.effects] == [e.values for e in again.effects]
 
 
 @pytest.mark.long
