@@ -11,7 +11,7 @@ from pathlib import Path
 
 from planner.common.errors import PARTLY_DONE
 from planner.common.summary import SCREEN_LINES
-from tests.golden.documents import of_correction, of_files
+from tests.golden.documents import DRAWN, of_correction, of_files
 from tests.golden.quantity import Quantity
 from tests.golden.true_error import true_error_mm
 
@@ -101,7 +101,7 @@ def _of_step(step, printed, folder):
     if command == "identify" and (folder / "truth.toml").exists() and (out / "robot.toml").exists():
         cell = folder / step.words[step.words.index("--cell") + 1]
         error = true_error_mm(cell, folder / "truth.toml", out / "robot.toml")
-        return [Quantity("", f"{out.name}: true error of the robot that is written, rms", error, "mm", "10 %", "less")]
+        return [Quantity("", f"{out.name}: true error of the robot that is written, rms", error, "mm", DRAWN, "less")]
     return []
 
 
