@@ -18,7 +18,7 @@ import polars as pl
 from planner.cell.reading import load_cell
 from planner.common.choices import IndexName
 from planner.common.cluster import connect, refuse_pickles
-from planner.common.errors import InputError, MissingProgramError
+from planner.common.errors import InputError, MissingProgramError, PlannerError
 from planner.common.files import document_text, write_together
 from planner.common.notebook import shown_progress
 from planner.common.progress import Progress
@@ -221,10 +221,13 @@ def _read_part(path: Path) -> pl.DataFrame | None:
         return None
 
 
-def run_task_there(task: SweepTask) -> bytes:
-    """Return the table of a task as data: what came from another machine is read, and not run."""
+def run_task_there(task: SweepTask) -> bytes | str:
+    """Return the table of a task, or why there is none, as data: what came from another machine is read, not run."""
     out = io.BytesIO()
-    run_task(task).table().write_ipc(out)
+    try:
+        run_task(task).table().write_ipc(out)
+    except PlannerError as err:
+        return str(err)
     return out.getvalue()
 
 
@@ -232,8 +235,10 @@ def read_table(data: object) -> pl.DataFrame:
     """Return the table that a worker has sent.
 
     Raises:
-        InputError: it is none.
+        InputError: it is none, or the sentence that says why there is none.
     """
+    if isinstance(data, str):
+        raise InputError(f"a worker: {data}")
     if not isinstance(data, bytes):
         raise InputError(f"a worker sent no table ({data}); is the same version installed there?")
     return pl.read_ipc(io.BytesIO(data))

@@ -7,10 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import polars as pl
 import pytest
+from scipy.stats import multivariate_normal
 
 from planner import frame_of_run, identify, identify_many, run_of_frame, simulate, simulate_many
 from planner.common.errors import InputError, MissingProgramError
-from planner.identification.influence import Influence
+from planner.identification.influence import Influence, _Linear
 from planner.identification.least_squares import solve
 from planner.workflow.plan_results import PosesResult
 from tests.simulation.made import cell_in, wide_plan
@@ -101,10 +102,29 @@ def test_likelihood_is_that_of_scipy_and_left_out_densities_sum_below_it(fits):
     np.testing.assert_allclose(table["left_out_mm"], 1e3 * known.left_out_residual[:, 0])
 
 
-def test_a_tracker_leaves_out_three_numbers_at_a_time(fits):
-    """Blocks: a fit of a gauge with several numbers a sample is left out sample by sample."""
-    fit = fits[0].calibration.fit
-    assert Influence.of(fit).left_out_residual.shape == (len(fit.problem), fit.model.width)
+def test_a_sample_of_several_numbers_is_left_out_as_a_whole():
+    """As of a tracker: three correlated numbers a sample, against least squares without its three rows."""
+    rng = np.random.default_rng(3)
+    n, r, count, prior = 12, 3, 5, np.array([1.0, 2.0, 0.5, 1.0, 3.0])
+    raw_rows, raw = rng.standard_normal((n, r, count)), rng.standard_normal((n, r))
+    sigma = np.eye(r) * 0.3 + 0.2 * np.ones((r, r))
+    root = np.broadcast_to(np.linalg.inv(np.linalg.cholesky(sigma)), (n, r, r))
+    rows, y = root @ raw_rows * prior, (root @ raw[..., None])[..., 0]
+    X = np.vstack([rows.reshape(-1, count), np.eye(count)])
+    z = np.linalg.lstsq(X, np.append(y.ravel(), np.zeros(count)), rcond=None)[0]
+    named = SimpleNamespace(names=tuple("abcde"))
+    fit = SimpleNamespace(problem=SimpleNamespace(prior=prior), model=named)
+    known = Influence(**_Linear(fit, rows, y - rows @ z, root).diagnostics())
+    for k in (0, 5):
+        rest = np.arange(n) != k
+        A = np.vstack([rows[rest].reshape(-1, count), np.eye(count)])
+        without = np.linalg.lstsq(A, np.append(y[rest].ravel(), np.zeros(count)), rcond=None)[0]
+        np.testing.assert_allclose(known.change[k], (without - z) * prior, atol=1e-10)
+        left_out = raw[k] - raw_rows[k] @ (without * prior)
+        np.testing.assert_allclose(known.left_out_residual[k], left_out, atol=1e-10)
+        spread = sigma + (raw_rows[k] * prior) @ np.linalg.inv(A.T @ A) @ (raw_rows[k] * prior).T
+        np.testing.assert_allclose(known.left_out_std[k], np.sqrt(np.diag(spread)), rtol=1e-9)
+        assert known.log_density[k] == pytest.approx(multivariate_normal(np.zeros(r), spread).logpdf(left_out))
 
 
 def test_draws_scatter_as_the_covariance_says_and_go_to_arviz(fits, monkeypatch):

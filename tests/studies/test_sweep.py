@@ -131,6 +131,9 @@ def test_a_cell_that_changed_since_the_sweep_began_is_refused(tmp_path):
     path.write_text(path.read_text() + "\n[use]\ntolerance_mm = 0.5\n")
     with pytest.raises(InputError, match="begin again"):
         run_task(task)
+    told = sweep_module.run_task_there(task)
+    with pytest.raises(InputError, match=r"a worker: .*begin again"):
+        sweep_module.read_table(told)
 
 
 def test_code_of_an_own_effect_counts():
@@ -274,7 +277,7 @@ def test_a_killed_worker_costs_only_its_tasks(file, tmp_path):
         killed = []
 
         def kill_one(stage, done, of):
-            if not killed:
+            if not killed and done:
                 victim = next(iter(cluster.workers.values())).pid
                 killed.append(victim)
                 os.kill(victim, signal.SIGKILL)
