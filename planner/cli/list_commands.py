@@ -47,7 +47,7 @@ def robots_command(
     robots = {name: load_robot(name) for name in list_robots()}
     if robot is not None:
         robots = {name: r for name, r in robots.items() if robot.lower() in f"{name} {r.title}".lower()}
-        _check_found(robot, bool(robots), list(list_robots()))
+        _check_name(robot, bool(robots), list(list_robots()))
     cells = {name: [c for c in shipped_cells() if c.startswith(f"{name}/")] for name in robots}
     if as_json:
         print_json(
@@ -82,7 +82,7 @@ def _draw(robot: str | None, drawing: Path, force: bool) -> None:
     results.print("\n".join(fact_lines([("drawn", str(drawing)), ("lengths", f"{steps} [mm], from base to flange")])))
 
 
-def _check_found(asked: str, is_found: bool, known: list[str]) -> None:
+def _check_name(asked: str, is_found: bool, known: list[str]) -> None:
     """Refuse a name that no shipped robot has, with what makes it one.
 
     Raises:
