@@ -12,11 +12,12 @@ from planner.identification.suitability import judge_use
 from planner.model.calibration_summary import CalibrationSummary, CauseLine, NextStep
 from planner.model.finding import Finding, cause_text, percent
 from planner.model.identification_document import Release
-from planner.model.use_statement import ToolName, ToolUse, Use
+from planner.model.use_statement import ToolName, ToolUse, Use, UseAnswer
 from planner.model.use_text import TOOLS, bound_text, share_text
 
 Step = tuple[float, NextStep]
 """What a step takes off the error [m], and the step."""
+GEOMETRY = "Lengths and angles of the arm"
 SECOND_POINT = "Measure 20 poses with a second tool point"
 
 
@@ -58,7 +59,7 @@ def _of_tool(use: Use, tool: ToolName) -> ToolUse:
     return next(t for t in use.tools if t.tool == tool)
 
 
-def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[str, str, str]:
+def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[UseAnswer, str, str]:
     """Return answer, headline and the sentence below it."""
     if c.reason_not_to_use:
         return "no", "Do not use this calibration", f"{_capital(c.reason_not_to_use)}."
@@ -85,7 +86,7 @@ def _causes(c: Calibration) -> Iterator[CauseLine]:
         moved = [e for e in c.estimates if e.identifiable and e.group == "geometry" and e.std]
         first = max(moved, key=lambda e: abs(e.value - e.nominal) / (e.std or 1.0), default=None)
         most = "" if first is None else f", {first.name} most"
-        yield CauseLine(what=f"Lengths and angles of the arm{most}", size=_mm(np.sqrt(fell)), how_sure="found")
+        yield CauseLine(what=f"{GEOMETRY}{most}", size=_mm(np.sqrt(fell)), how_sure="found")
     if c.tried is None:
         return
     for cause in [f for f in c.findings if not f.is_doubtful] or c.findings[:1]:

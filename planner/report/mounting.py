@@ -94,13 +94,13 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
     low, high = flat.min(axis=0), flat.max(axis=0)
     scale = float(((size - (left + right, top + below)) / np.maximum(high - low, 1.0)).min())
     drawn = [left, size[1] - below] + scale * (flat - low) * [1.0, -1.0]
-    points = [(round(float(x), 1), round(float(y), 1)) for x, y in drawn]
+    A, B, F, base = ((round(float(x), 1), round(float(y), 1)) for x, y in drawn)
     holder = cell.tool.points[drive.mounting.point].p_FM
     x, y, z = (round(float(v)) for v in fixture)
     length = cell.gauge.length_text(drive.visits[0].length)
     title = f"Fixture {cell.place_name(drive.mounting)}, {cell.gauge.noun} and flange from the side"
     gauge = f"{cell.gauge.noun} {length}"
-    return MountingDrawing(*points, points[3][1], away, (x, y, z), gauge, f"holder {_vector(holder)} mm", title)
+    return MountingDrawing(A, B, F, base, base[1], away, (x, y, z), gauge, f"holder {_vector(holder)} mm", title)
 
 
 def _vector(p: Array) -> str:

@@ -250,7 +250,8 @@ def _png(pixels: Array) -> str:
 def _scale(panel: Panel) -> str:
     """The colours of a field, or of correlations, with their ends."""
     if panel.field is not None:
-        low, high, colours = *panel.field.span, FIELD_SCALE
+        low, high = panel.field.span
+        colours: tuple[str, ...] = FIELD_SCALE
         texts = [f"{low:.3g}", f"{high:.3g}"]
     elif panel.cells is not None:
         colours, texts = (RED, "#FFFFFF", BLUE), ["−1", "1"]

@@ -8,7 +8,7 @@ from planner.common.numbers import number_of
 from planner.common.summary import Aside, Fact, Summary, name_first, under_key
 from planner.common.units import MM, format_value, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
-from planner.identification.calibration_summary import summarize
+from planner.identification.calibration_summary import GEOMETRY, summarize
 from planner.identification.error_parts import drift_counts, misfit_counts
 from planner.identification.own_errors import own_errors_text
 from planner.model.calibration_summary import CalibrationSummary, CauseLine
@@ -42,8 +42,9 @@ def fit_overview(found: Calibration) -> Summary:
     ]
     more += [*([] if failed else _parameter_facts(found)), *_structure_facts(found)]
     facts = [*_summary_facts(summary), *steps, *causes]
+    beyond = next((fact for fact in causes if not fact[1].startswith(GEOMETRY)), None)
     # where lines are cut, the first cause beside the geometry stays: why the robot erred is asked for most
-    return Summary(title, facts, [*more, *_details(found, release)], notes, causes[1] if len(causes) > 1 else None)
+    return Summary(title, facts, [*more, *_details(found, release)], notes, beyond)
 
 
 def _summary_facts(summary: CalibrationSummary) -> Iterator[Fact]:
