@@ -34,7 +34,7 @@ Of this size and the next two one robot in thirteen has more, and half have less
 """
 LOST_MOTION = EffectSize("rad", 3e-4, 2e-3, "data sheets of strain-wave and cycloidal gears: up to 0.3 mrad")
 """Lost motion of a gear to either side of the middle."""
-UNSEEN_LOAD = EffectSize("rad", 3e-4, 2e-3, ESTIMATED)
+UNSEEN_LOAD = EffectSize("rad", 1e-4, 2e-3, ESTIMATED)
 """Turn of a joint under loads that no pose has shown, beyond the law that it follows under the others."""
 LINK_MASS = Size("1", 0.15, 0.3)
 """Part by which a link weighs more than stated; a run that makes it larger does not show masses."""
