@@ -7,7 +7,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.reading import gauge_class
 from planner.common.units import Array, to_mm
-from planner.report.cell_view import carrier_poses
+from planner.kinematics.inverse_kinematics import tool_pose
 from planner.session.plan_types import Drive, Plan
 
 Point = tuple[float, float]
@@ -84,7 +84,8 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
     q = np.asarray(drive.visits[0].q)[None]
     fixture = to_mm(cell.fixtures[drive.mounting.fixture].p_BX)
     ball = to_mm(cell.at(drive.mounting).map_position(q)[0])
-    flange = carrier_poses(cell, drive.mounting, q)[0, cell.robot.n_joints, :, 3]
+    holder = cell.tool.points[drive.mounting.point].p_FM
+    flange = ball - to_mm(tool_pose(cell.chain, cell.robot, q)[1][0] @ holder)
     away = float(np.hypot(*fixture[:2]))
     along = fixture[:2] / away if away > 1.0 else np.array([1.0, 0.0])  # [mm] a fixture on the axis itself
     ground = min(0.0, float(fixture[2]), 0.0 if cell.base.floor is None else float(to_mm(cell.base.floor)))
@@ -95,7 +96,6 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
     scale = float(((size - (left + right, top + below)) / np.maximum(high - low, 1.0)).min())
     drawn = [left, size[1] - below] + scale * (flat - low) * [1.0, -1.0]
     A, B, F, base = ((round(float(x), 1), round(float(y), 1)) for x, y in drawn)
-    holder = cell.tool.points[drive.mounting.point].p_FM
     x, y, z = (round(float(v)) for v in fixture)
     length = cell.gauge.length_text(drive.visits[0].length)
     title = f"Fixture {cell.place_name(drive.mounting)}, {cell.gauge.noun} and flange from the side"
