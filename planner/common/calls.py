@@ -327,9 +327,9 @@ def _with_arguments(text: str, known: Sequence[CallField]) -> str:
 
 
 def options_table(call: type[Call]) -> str:
-    """Return the options of a verb as a table of Markdown: command line, Python, service, values and what they do."""
+    """Return the options of a verb as a table of Markdown: names, values and what they do."""
     rows = [_table_row(f) for f in typed_fields(call)]
-    head = ["| on the command line | in Python | over HTTP | values | |", "|---|---|---|---|---|"]
+    head = ["| option | values | |", "|---|---|---|"]
     return "\n".join([*head, *(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows)])
 
 
@@ -337,9 +337,10 @@ def _table_row(field: CallField) -> tuple[str, ...]:
     option = field.option
     shown = option.metavar or field.name.upper()
     typed = shown if option.is_word else field.flag
-    served = option.request_name or field.name if option.is_served else ""
-    codes = (f"`{word}`" if word else "" for word in (typed, field.name, served))
-    return (*codes, ", ".join(_values(field)), option.help)
+    others = {"in Python": field.name, "over HTTP": option.request_name or field.name}
+    usual = typed.removeprefix("--").replace("-", "_")
+    other = [f"{where} `{name}`" for where, name in others.items() if name != usual and not option.is_word]
+    return f"`{typed}`", ", ".join(_values(field)), option.help + (f" ({', '.join(other)})" if other else "")
 
 
 def _values(field: CallField) -> Iterator[str]:

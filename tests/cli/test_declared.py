@@ -149,7 +149,7 @@ def test_it_is_in_the_form(monkeypatch):
 
 
 def test_it_is_in_the_table_of_the_documentation():
-    row = "| `--laps` | `laps` | `laps` | 1 to 50, default 3 | times that the way is driven |"
+    row = "| `--laps` | 1 to 50, default 3 | times that the way is driven |"
     assert row in options_table(WarmCall).splitlines()
     spec = importlib.util.spec_from_file_location("options_tables", ROOT / "docs" / "options_tables.py")
     hook = importlib.util.module_from_spec(spec)

@@ -58,7 +58,7 @@ def test_one_field_is_an_option_everywhere(changed):
     assert 'data-option="clearance_mm"' in found["form"]
     assert "clearance to keep along the path" in str(found["request"])
     assert "500" in str(found["request"])
-    row = "| `--clearance-mm` | `clearance_mm` | `clearance_mm` | 1 to 500 | clearance to keep along the path |"
+    row = "| `--clearance-mm` | 1 to 500 | clearance to keep along the path |"
     assert row in found["documentation"].splitlines()
     assert found["used"] == [0.025, 25.0]
     assert found["refused"] == "plan(): clearance_mm = 0.5, but the least is 1"

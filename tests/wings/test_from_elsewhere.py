@@ -73,7 +73,7 @@ def test_it_is_a_name_of_the_package(installed):
 def test_the_service_runs_it_and_the_documentation_has_its_table(installed):
     said = run_code(installed, ON_A_SERVER)
     assert said.startswith("reach\n")
-    assert "| `--states` | `states` | `states` | 1 to 1e+06, default 10000 | random states that are tried |" in said
+    assert "| `--states` | 1 to 1e+06, default 10000 | random states that are tried |" in said
 
 
 @pytest.mark.parametrize(
