@@ -161,7 +161,7 @@ def test_it_is_in_the_table_of_the_documentation():
     causes = hook.on_page_markdown((ROOT / "docs" / "effects.md").read_text(), page=None)
     assert "| joint compliance |  |" in causes
     assert '| servo lag | a run measured while moving (motion.measure = "continuous") |' in causes
-    assert causes.count("\n| ") == len(effect_kinds()) + 1
+    assert causes.partition("\n## ")[0].count("\n| ") == len(effect_kinds()) + 1
 
 
 def test_every_motion_key_is_a_key_of_the_cells_motion():
