@@ -40,6 +40,7 @@ def test_every_example_is_tried_here():
     assert {p.stem for p in EXAMPLES.glob("*.py")} == tried
 
 
+@pytest.mark.long
 def test_a_run_of_ones_own(run, tmp_path):
     text = run("own_run", tmp_path / "out")
     assert "95 of 100 targets" in text

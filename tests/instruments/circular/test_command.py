@@ -41,6 +41,7 @@ def test_the_same_bytes_on_two_threads(folder):
         assert path.read_bytes() == (folder / "two" / path.relative_to(folder / "one")).read_bytes(), path.name
 
 
+@pytest.mark.long
 def test_its_page_in_a_browser(browser, folder):
     assert browser.check_report(folder / "one" / "report.html") == ["view", "circle_1"]  # circular_plan.html.j2
 
