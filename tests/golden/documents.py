@@ -16,7 +16,7 @@ import numpy as np
 from tests.golden.quantity import Quantity
 
 COUNT = "0"  # a count does not move unseen
-DRAWN = "20 %"  # of the posterior: a quarter of the draws moves it by up to 18 %
+DRAWN = "30 %"  # of the posterior: with a quarter of the draws, others move it by up to a quarter
 Document = dict[str, Any]
 Read = str | Callable[[Document], float | None]
 
