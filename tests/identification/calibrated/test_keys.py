@@ -25,7 +25,8 @@ def basis_functions():
 EXAMPLE = {"JOINT": "2", "LINK": "7", "STATION": "3", "AXIS": "1", "PART": "4", "INDEX": "1"}
 WORDS = {"(sin|cos)": ("sin", "cos"), "bar-(fixture|tool)": ("bar-fixture", "bar-tool"),
          "scale-(sin|cos)": ("scale-sin", "scale-cos"), "bounded-(sin|cos)": ("bounded-sin", "bounded-cos"),
-         "lean-(sin|cos)": ("lean-sin", "lean-cos"),
+         "lean-(sin|cos)": ("lean-sin", "lean-cos"), "load-(above|below)": ("load-above", "load-below"),
+         "place-(tool|flange)": ("place-tool", "place-flange"),
          "ball-shape-(fixture|tool)": ("ball-shape-fixture", "ball-shape-tool")}  # fmt: skip
 
 
