@@ -69,7 +69,9 @@ def test_misfit_that_no_joint_tells_of_is_said_with_its_least_and_most():
 
 @pytest.mark.parametrize(("unseen", "drift", "said"), [(3e-4, 0.0, "unseen"), (1e-4, 0.0, None), (3e-4, 2e-4, "drift")])
 def test_the_screen_says_what_most_of_the_error_is(unseen, drift, said):
-    facts = list(_part_facts(ErrorParts(seen=2e-4, unseen=unseen, misfit=0.0, drift=drift)))
+    parts = ErrorParts(seen=2e-4, unseen=unseen, misfit=0.0, drift=drift)
+    facts = list(_part_facts(parts, said=False))
+    assert "unseen" not in dict(_part_facts(parts, said=True))  # a line of its own says what they hide
     assert [name for name, _ in facts] == [said] * (said is not None)
     size = {"unseen": unseen, "drift": drift}.get(said, 0.0)
     assert all(text.startswith(f"{1e3 * size:.3f} mm of it") for _, text in facts)
