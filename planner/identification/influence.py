@@ -81,7 +81,7 @@ class _Linear:
         gain = self.rows @ self.spread  # (n, r, P)
         hat = gain @ self.rows.transpose(0, 2, 1)  # (n, r, r)
         left = np.eye(width) - hat
-        white_left = np.linalg.solve(left, self.white[..., None])[..., 0]
+        white_left = np.asarray(np.linalg.solve(left, self.white[..., None])[..., 0], dtype=float)
         change = -np.einsum("nrp,nr->np", gain, white_left)
         information = np.linalg.inv(self.spread)
         raw = np.linalg.inv(self.root)
