@@ -11,6 +11,7 @@ from planner.cli.terminal import (
     Manner,
     OutputFile,
     Screen,
+    check_file,
     evaluation_step,
     give_file,
     print_notes,
@@ -27,6 +28,7 @@ FILE = (OutputFile, None)
 
 
 def _simulate(values: Values, output: str, manner: Manner) -> None:
+    check_file(output, manner.force)
     with Screen():
         made = find_function(SimulateCall)(**values)
         text = made.text()
@@ -35,6 +37,7 @@ def _simulate(values: Values, output: str, manner: Manner) -> None:
 
 
 def _import(values: Values, output: str, manner: Manner) -> None:
+    check_file(output, force=True)  # a run bears no mark: whether it is the same is known once it is made
     with Screen():
         run = find_function(ImportCall)(**values)
         from planner.runs.writer import run_text, save_run
@@ -53,6 +56,7 @@ def _evaluation_step(run: str, plan: Path | None) -> str:
 
 
 def _compensate(values: Values, output: str, manner: Manner) -> None:
+    check_file(output, manner.force, into_folder=True)
     with Screen():
         more = {"zeros_set": _axes(values.get("zeros_set", "")), "force": manner.force}
         done = find_function(CompensateCall)(**{**values, **more})

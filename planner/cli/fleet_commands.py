@@ -6,7 +6,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from planner.cli.default_output import new_file
-from planner.cli.terminal import PLAINLY, Json, Manner, OutputFile, Screen, errors, give_file, print_json, screen_of
+from planner.cli.terminal import (
+    PLAINLY,
+    Json,
+    Manner,
+    OutputFile,
+    Screen,
+    check_file,
+    errors,
+    give_file,
+    print_json,
+    screen_of,
+)
 from planner.common.lazy_modules import LazyModule
 from planner.common.summary import SCREEN_LINES
 
@@ -25,9 +36,10 @@ def fleet_command(
     manner: Manner = PLAINLY,
 ) -> None:
     """Learn from several robots of a kind how large their errors are, joint by joint: a prior for the next one."""
+    output = new_file(".toml")("fleet", records) if output is None else output
+    check_file(output, manner.force)
     with Screen():
         found = fleets.fleet(records)
-    output = new_file(".toml")("fleet", records) if output is None else output
     (errors if as_json else screen_of(output)).print(found.full_summary(manner.verbose, SCREEN_LINES - 1))
     if as_json:
         _ = found.write(output, manner.force)

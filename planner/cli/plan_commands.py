@@ -9,6 +9,7 @@ from planner.cli.terminal import (
     Manner,
     OutputFile,
     Screen,
+    check_file,
     errors,
     evaluation_step,
     print_next,
@@ -16,13 +17,14 @@ from planner.cli.terminal import (
 )
 from planner.common.calls import find_function
 from planner.common.errors import InputError
+from planner.common.files import is_folder
 from planner.common.summary import fact_lines
-from planner.compensation.module_files import is_new_folder
 from planner.workflow.plan_use_calls import ExportCall
 
 
 def _export(values: Values, output: str, manner: Manner) -> None:
-    in_folder = is_new_folder(output)
+    check_file(output, manner.force, into_folder=True)
+    in_folder = is_folder(output)
     name = "-" if output == "-" or in_folder else Path(output).name
     with Screen():
         made = find_function(ExportCall)(**values, name=name)

@@ -15,11 +15,11 @@ from urllib.parse import quote, urlencode
 from urllib.request import Request, urlopen
 
 from planner.cell.reading import load_cell
-from planner.cli.terminal import Screen, check_folder, environment_token, errors, results
+from planner.cli.terminal import Screen, check_file, check_folder, environment_token, errors, results
 from planner.common.errors import InputError, MissingProgramError
-from planner.common.files import write_bytes, write_together
+from planner.common.files import is_folder, is_new_folder, write_bytes, write_together
 from planner.common.result_folder import MANIFEST, draft_folder, move_all
-from planner.compensation.module_files import is_folder, is_new_folder, other_program_files
+from planner.compensation.module_files import other_program_files
 from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.session.movable_cell import cell_files
 
@@ -171,7 +171,11 @@ def run_remotely(server: Server, words: Sequence[str]) -> int:
         MissingProgramError: nobody answers.
     """
     command = RemoteWords.of(words)
-    if command.output not in (None, "-") and words[0] not in FILE_VERBS:
+    if command.output is not None and words[0] in FILE_VERBS:
+        check_file(
+            command.output, FORCE in words or words[0] == "import", into_folder=words[0] in ("compensate", "export")
+        )
+    elif command.output not in (None, "-"):
         check_folder(Path(str(command.output)), FORCE in words)
     with Screen() as progress:
         progress("sending", 0, 0)

@@ -18,7 +18,7 @@ from rich.progress import Progress as Bar
 
 from planner.common.errors import FAILED, InputError, NoSolutionError, make_printable
 from planner.common.file_names import check_names
-from planner.common.files import document_text
+from planner.common.files import check_writing, document_text, is_folder
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
@@ -240,11 +240,38 @@ def check_folder(output: Path, force: bool = False) -> None:
         pass  # as it should be, or told below
     except (OSError, ValueError) as err:
         raise InputError(f"{output}: cannot be written ({getattr(err, 'strerror', None) or err})") from err
+    _check_place(output)
+    check_not_inside(output)
+    check_overwriting(output.resolve(), [name for name in RESULTS if (output / name).exists()], force)
+
+
+def check_file(output: str, force: bool = False, into_folder: bool = False) -> None:
+    """Refuse, before any work is done, a file that cannot be written; ``into_folder``: a folder may be named too.
+
+    Raises:
+        InputError: its folder is missing or may not be written, it is a folder, or it was not written by edbb.
+    """
+    path = Path(output)
+    if output == "-" or (path.exists() and not path.is_file() and not path.is_dir()):  # a device is written to
+        return
+    if into_folder and is_folder(output):
+        check_names(path)
+        _check_place(path)
+        return
+    check_writing(path, force=force)
+    if is_folder(output):
+        raise InputError(f"{output}: is a folder; -o needs the name of a file")
+    folder = path.resolve().parent  # of what a link leads to
+    if not folder.exists():
+        raise InputError(f"{output}: the folder {folder} is missing; make it, or name another file with -o")
+    _check_place(folder)
+
+
+def _check_place(output: Path) -> None:
+    """Refuse a folder in which nothing may be written, or the lowest above it that there is."""
     there = next(p for p in (output, *output.absolute().parents) if p.exists())
     if not there.is_dir():
         raise InputError(f"{there} is a file; -o needs a folder")
-    check_not_inside(output)
-    check_overwriting(output.resolve(), [name for name in RESULTS if (output / name).exists()], force)
     try:
         tempfile.TemporaryFile(dir=there).close()
     except OSError as err:

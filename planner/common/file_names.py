@@ -35,4 +35,4 @@ def check_names(path: Path) -> None:
         if part == ".." or (path.is_absolute() and here != path and os.path.isdir(here)):
             continue
         if fault := name_fault(part):
-            raise InputError(f"{str(path)[:300]!r}: cannot be written: '{part[:100]}' {fault}; take another name")
+            raise InputError(f"{path.as_posix()[:300]!r}: cannot be written: '{part[:100]}' {fault}; take another name")

@@ -266,6 +266,16 @@ def _file_mode(path: Path) -> int:
     return 0o666 & ~umask
 
 
+def is_folder(output: Path | str) -> bool:
+    """Tell whether what is named for the files to be written is a folder: it is there already, or ends in a slash."""
+    return Path(output).is_dir() or is_new_folder(output)
+
+
+def is_new_folder(output: Path | str) -> bool:
+    """Tell whether a name ends as that of a folder, which is made where there is none."""
+    return str(output).endswith(("/", os.sep))
+
+
 def folder_of(path: Path) -> Path:
     """Return a folder that is named by itself, or by a file in it."""
     return path.parent if path.is_file() else path

@@ -1,6 +1,5 @@
 """Files that are one program: the two halves of a KRL module, and the RAPID modules that share targets."""
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -95,16 +94,6 @@ def _readable(path: Path) -> Iterator[tuple[Path, str]]:
                 yield other, read_program(other)[0]
             except InputError:
                 continue
-
-
-def is_folder(output: Path | str) -> bool:
-    """Tell whether what is named for the corrected files is a folder: it is there already, or ends in a slash."""
-    return Path(output).is_dir() or is_new_folder(output)
-
-
-def is_new_folder(output: Path | str) -> bool:
-    """Tell whether a name ends as that of a folder, which is made where there is none."""
-    return str(output).endswith(("/", os.sep))
 
 
 def output_paths(output: Path, is_folder: bool, names: Sequence[str]) -> list[Path]:

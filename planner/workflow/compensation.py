@@ -17,7 +17,7 @@ from planner.common.calls import called_with
 from planner.common.content_hashes import HandEdit
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.files import check_writing, encode_text, read_bytes, write_together
+from planner.common.files import check_writing, encode_text, is_folder, is_new_folder, read_bytes, write_together
 from planner.common.numbers import parse_number
 from planner.common.result import Result
 from planner.common.schema import read_json
@@ -27,13 +27,14 @@ from planner.compensation.compensated_file import CompensatedFile
 from planner.compensation.compensated_program import compensate_program
 from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.few_axes import TurnWeights
-from planner.compensation.module_files import HALVES, is_folder, is_new_folder, output_paths
+from planner.compensation.module_files import HALVES, output_paths
 from planner.compensation.program_error import ProgramError, program_error, uncorrected_errors
 from planner.compensation.program_text import read_program
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
 from planner.compensation.tool_notes import tool_warnings
 from planner.identification.calibrated_robot import CalibratedRobot
+from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import ExpectedError
 from planner.identification.zeros_set import set_zeros
 from planner.kinematics.robot import Robot
@@ -244,7 +245,7 @@ class _Model:
 def _find_model(model: "CalibrationResult | Path | str", force: bool) -> _Model:
     """Read the calibrated robot from its file, from the folder that holds it, or from an identification in memory.
 
-    ``force``: one of which its identification says not to use it, too.
+    ``force``: one of which its identification says not to use it, and one of unknown error, too.
     """
     if isinstance(model, Path | str):
         return _read_model(_model_file(Path(model).absolute(), str(model)), force)
@@ -289,6 +290,11 @@ def _read_model(path: Path, force: bool) -> _Model:
             "give the robot.toml that 'edbb identify' wrote"
         )
     known = ExpectedError.read(robot, path)
+    if isinstance(known, str) and (path.parent / EXPECTED_ERROR).is_file() and not force:
+        raise InputError(
+            f"{path.parent / EXPECTED_ERROR}: {known}; without it nobody knows whether the correction does more harm "
+            "than good, and --force corrects all the same"
+        )
     day = _build_day() or datetime.fromtimestamp(robot.path.stat().st_mtime, UTC).date()
     former = (former_robot_hash(robot), *_byte_hashes(robot.path))
     mark = CorrectionMark(

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 import resource
 import signal
 import stat
@@ -225,6 +226,30 @@ def test_names_that_no_file_can_have_are_told(tmp_path, name):
 def test_programs_of_names_that_no_file_can_have_are_told(tmp_path, name):
     with pytest.raises(InputError, match="cannot be written"):
         write_program_as((ProgramFile("p.src", "text"), ProgramFile("p.dat", "text")), tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("output", "said"),
+    [("missing/out", "the folder .* is missing"), ("file.txt/out", "is a file"), ("there", "is a folder"),
+     ("theirs.src", "was not written by edbb"), ("aux.src", "name of a device")],
+)  # fmt: skip
+def test_a_command_refuses_a_file_that_it_cannot_write_before_it_works(tmp_path, output, said):
+    """Each command that writes one file; what it is to read is not there, so that it cannot have begun."""
+    (tmp_path / "there").mkdir()
+    (tmp_path / "file.txt").write_text("text")
+    (tmp_path / "theirs.src").write_text("DEF theirs ( )\nEND\n")
+    nothing = tmp_path / "nothing"
+    commands = {
+        "simulate": (nothing,), "export": (nothing, "--dialect", "krl"), "fleet": (nothing, nothing),
+        "import": (nothing, "--map", nothing), "compensate": (nothing, "--model", nothing),
+    }  # fmt: skip
+    for verb, words in commands.items():
+        if (verb, output) in {("compensate", "there"), ("export", "there"), ("import", "theirs.src")}:
+            continue  # a folder may be named; a run bears no mark
+        done = edbb(verb, *words, "-o", tmp_path / output)
+        assert done.returncode == 2
+        assert re.search(said, " ".join(done.stderr.split())), (verb, done.stderr)
+        assert not (tmp_path / "missing").exists()
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")

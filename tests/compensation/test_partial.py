@@ -204,6 +204,25 @@ def test_routines_of_interrupts(kuka, tmp_path, beside, routine, state):
     assert ("PARO, which is not in the file" in done.summary) == (state == "unknown")
 
 
+@pytest.mark.parametrize(
+    ("head", "call", "why"),
+    [
+        ("DEF HALT2 (X:IN)", "HALT2 (1)", None),
+        ("GLOBAL DEFFCT INT HALT2 ( )", "HALT2 ( )", None),
+        ("DEF A_ROUTINE_OF_MORE_THAN_24_SIGNS ( )", "A_ROUTINE_OF_MORE_THAN_24_SIGNS ( )", None),
+        ("DEF HALT2 (X:IN,Y:OUT)", "HALT2 (1,$BASE)", "the routine HALT2"),
+        ("DEF OTHER ( )", "HALT2 ( )", "the routine HALT2, which is not in the file"),
+    ],
+)
+def test_routines_that_take_arguments_are_in_the_file(kuka, tmp_path, head, call, why):
+    rows = [f"INTERRUPT DECL 9 WHEN $IN[1]==TRUE DO {call}", f"PTP {pose(kuka[0])}", GOOD, "END"]
+    text = krl(*NULL, *rows, head, "HALT")
+    done = run(tmp_path / "p.src", text, kuka)
+    assert changed(done, text) == ([5, 6] if why is None else [6])
+    if why is not None:
+        assert re.search(rf"{why} ", reasons(done)[5])
+
+
 def test_rapid_points_that_make_a_work_object_in_two_steps(abb, tmp_path):
     """A fake point would move the work object."""
     rows = [

@@ -217,11 +217,19 @@ def test_a_correction_that_is_expected_to_do_harm_is_refused(identified):
     assert "nothing is written" in told
     assert not (identified / "new.src").exists()
     known.write_text(json.dumps(worse))  # the hashes are those of the other values
-    told = edbb("compensate", identified / "part.src", *words[:2], "-o", "-")[2]
-    assert re.search(r"tool error  unknown: \S+ was changed by hand since edbb wrote it \(released\)", told)
-    known.write_text(json.dumps(with_hashes(whole | {"robot_sha256": "0"})))
-    told = edbb("compensate", identified / "part.src", *words[:2], "-o", "-")[2]
-    assert "tool error  unknown: expected_error.json belongs to another" in told
+    exchanged = with_hashes(whole | {"robot_sha256": "0"})
+    for content, said in (
+        (worse, r"was changed by hand since edbb wrote it \(released\)"),
+        (exchanged, "belongs to another"),
+    ):
+        known.write_text(json.dumps(content))
+        code, _, told = edbb("compensate", identified / "part.src", *words)
+        assert code == 2
+        assert re.search(said, told)
+        assert not (identified / "new.src").exists()
+        code, _, told = edbb("compensate", identified / "part.src", *words[:2], "-o", "-", "--force")
+        assert code == 5  # lines without a target of their own are left
+        assert re.search(f"tool error  unknown: .*{said}", told)
     known.write_text(json.dumps(with_hashes(whole | {"nominal": [0.0]})))
     code, _, told = edbb("compensate", identified / "part.src", *words)
     assert code == 2

@@ -80,6 +80,12 @@ def hidden_target(statement: st.Statement) -> str:
     return statement.text[:60] if move else ""
 
 
+def _routine_name(head: st.Routine) -> str:
+    """Return the name, in capitals, of a routine or function, also of one that takes arguments."""
+    name = re.search(r"(\w+)\s*\(", head.text)
+    return head.name if name is None else name[1].upper()
+
+
 class FrameChanges:
     """Which routines and loops of a file may leave another tool or base.
 
@@ -94,7 +100,7 @@ class FrameChanges:
         here = list[st.Statement]()
         for s in statements:
             if isinstance(s, st.Routine):
-                here = self.routines.setdefault(s.name, [])
+                here = self.routines.setdefault(_routine_name(s), [])
             here.append(s)
             if isinstance(s, st.RoutineEnd):
                 here = []
@@ -128,21 +134,22 @@ class FrameChanges:
     def may_write(self, statement: st.Statement) -> bool:
         """Tell whether a called routine is not in the file, or takes anything but values (``:IN``)."""
         called = {m[0].rstrip("( \t").upper() for m in _FUNCTION.finditer(statement.text)}
-        heads = [self.routines[name][0].text.upper() for name in called & self.routines.keys()]
-        given = [
-            re.findall(r"\w+\s*(?:\[[^\]]*\]\s*)?(:\s*IN\b)?\s*(?=[,)])", head.partition("(")[2]) for head in heads
-        ]
-        return len(heads) < len(called) or not all(all(ways) for ways in given)
+        return not all(name in self.routines and self._takes_values_alone(name) for name in called)
+
+    def _takes_values_alone(self, routine: str) -> bool:
+        parameters = self.routines[routine][0].text.upper().partition("(")[2]
+        return all(re.findall(r"\w+\s*(?:\[[^\]]*\]\s*)?(:\s*IN\b)?\s*(?=[,)])", parameters))
 
     def is_harmless(self, routine: str) -> bool:
-        """Tell whether a routine is in the file and leaves tool and base as they are."""
+        """Tell whether a routine is in the file and leaves tool and base, and what it is given, as they are."""
         return self._is_harmless(routine, calls_count=True)
 
     def _is_harmless(self, routine: str, calls_count: bool) -> bool:
         key = routine, calls_count
         if key not in self._harmless:
             body = (s for s in self.routines.get(routine, ()) if calls_count or not isinstance(s, st.Call))
-            self._harmless[key] = routine in self.routines and not any(self._changes(s) for s in body)
+            known = routine in self.routines and self._takes_values_alone(routine)
+            self._harmless[key] = known and not any(self._changes(s) for s in body)
         return self._harmless[key]
 
     def _changes(self, statement: st.Statement) -> bool:
