@@ -41,7 +41,7 @@ from planner.identification.cross_validation import (
     number_targets,
     predict_held_out,
 )
-from planner.identification.gross_errors import gross_error
+from planner.identification.gross_errors import DeclaredGeometry, gross_error
 from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
 from planner.identification.least_squares import Fit
 from planner.identification.noise import least_noise
@@ -74,21 +74,17 @@ ROW_EFFECTS = ("backlash", "hysteresis")  # that show by how each joint came to 
 
 
 def find_problems(
-    stages: Sequence[FittedStage], free: FittedParameters, traced: TracingResult, run: Run, cell: Cell, time: float
+    stages: Sequence[FittedStage], geometry: DeclaredGeometry, traced: TracingResult, run: Run, cell: Cell
 ) -> tuple[str, ...]:
-    """Return the reasons not to use the result, after tracing, and what was tried; none when it passed.
-
-    ``time``: how many samples are worth one.
-    """
+    """Return the reasons not to use the result, after tracing, and what was tried; none when it passed."""
     out, unit, found = [], cell.gauge.unit, stages[-1].fit
     before, last = (min((s.stage.held_out for s in part), key=lambda m: m.rms) for part in (stages[:2], stages[-1:]))
-    declared = {p.name: p.prior for p in free.whole.parameters}
     if last.rms > LARGEST_HELD_OUT:
         off = f"held-out poses are still {last.rms / MM:.1f} {unit} off"
         usual = "look for rows that were exchanged, another ball, fixture or tool point, and units"
         hint = explain_better(cell, run)
         out.append(f"{hint}; {off}" if hint else f"the readings do not belong to these poses: {off}; {usual}")
-    elif gross := gross_error(found, declared, cell, run, time):
+    elif gross := gross_error(geometry, cell, run):
         out.append(f"{gross}{_attempts_text(traced)}")
     elif last.rms > before.rms and last.rms > least_noise() * found.problem.whitener.declared_rms:
         out.append(
@@ -185,7 +181,8 @@ def assess_fit(
     found = stages[-1].fit
     covariance, time = _whole_covariance(found, free, run.continuous)
     table = _estimate_all(free, found, covariance, traced)
-    problems = find_problems(stages, free, traced, run, cell, time)
+    declared = DeclaredGeometry.of(found, {p.name: p.prior for p in free.whole.parameters}, time)
+    problems = find_problems(stages, declared, traced, run, cell)
     released = None if problems else _release(stages, free, context, cell, time, basis)
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     last = (stages := _count_alike(stages, _row_weight(released, stages[-1].stage), parts))[-1].stage
@@ -193,9 +190,9 @@ def assess_fit(
         *(*run.warnings, *collect_warnings(run, cell, found, last.weight, _held_out_errors(released, last))),
         *(*warn_of_validation(found, cell, validation), *notes),
         *(*_fit_notes(stages[-1], parts, run, time), *_release_notes(released, not problems and basis != "fit")),
-        *workspace_warning(expected, last.held_out, found.model.width),
+        *(*workspace_warning(expected, last.held_out, found.model.width), *(() if problems else declared.factor_notes)),
     ]
-    estimates, release = _released_sections(released, table)
+    estimates, release = _released_sections(released, table, declared)
     diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
     worse = None if problems else worse_than_nominal(kept, release, expected, cell.gauge.unit)
     causes, traced = _find_causes(bool(problems or worse), traced, released, table, context, time)
@@ -254,10 +251,14 @@ def _find_causes(
 
 
 def _released_sections(
-    released: ReleasedRobot | None, table: tuple[Estimate, ...]
+    released: ReleasedRobot | None, table: tuple[Estimate, ...], declared: DeclaredGeometry
 ) -> tuple[tuple[Estimate, ...], Release | None]:
     """Return every parameter of the robot that is written, and the section about it; the table if that is the fit's."""
-    return (table, None) if released is None else (released_estimates(table, released), describe_release(released))
+    if released is None:
+        return table, None
+    reach = float(np.sqrt(released.tool.position.var(axis=0).sum()))  # rms from the middle of the workspace
+    at_most = float(np.hypot(released.at_most, declared.factor_at_most * reach))
+    return released_estimates(table, released), describe_release(released).model_copy(update={"at_most": at_most})
 
 
 def _release_notes(released: ReleasedRobot | None, wanted: bool) -> list[str]:

@@ -11,24 +11,28 @@ Where the gauge stands, and where it reads on the tool, counts as unknown.
 
 - **Beyond** is a parameter that is still many σ from nominal in the smallest geometry that explains the readings
   (k = 1, s = 0).
-- **One factor** on all lengths, s, is no error of single links. It is sought with the size k of the lengths, and that
-  of the angles, at the value that is likeliest *with* s in the model. Links that err by themselves err along s by about
-  k σ / √Σ l² over their lengths l: an s of many such sigmas is a scale or a unit.
+- **One factor** on all lengths, s, is no error of single links. Two models are held against each other: s as small as
+  the gauge's declared scale, and s of a gauge whose scale or unit is wrong. Each is averaged over the sizes k of
+  lengths and angles, which are declared to a factor of two. Links that err by themselves err along s by about
+  k σ / √Σ l² over their lengths l: a smaller s is not told from them, and the statement says so.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Final
 
 import numpy as np
+from scipy.special import expit, logit, ndtri, softmax
 
 from planner.cell.cell import Cell
 from planner.common.determinism import even_positions
+from planner.common.summary import Aside
 from planner.common.units import DEG, MM, Array
 from planner.effects.catalogue import Excitation
 from planner.effects.effect import Parameter
 from planner.effects.gauge_unknowns import unknowns_of
-from planner.identification.assumptions import GROSS, PRIOR_FACTORS, UNKNOWN_PRIOR
+from planner.identification.assumptions import GROSS, LOG_NOISE_SIGMA, PRIOR_FACTORS, UNKNOWN_PRIOR
 from planner.identification.better_explanations import explain_better
 from planner.identification.least_squares import Fit
 from planner.runs.run import Run
@@ -45,7 +49,9 @@ class DeclaredGeometry:
         sigma: declared of each, (G,) [m, rad].
         smallest: errors that explain the readings with the least Σ (p/σ)², (G,) [m, rad].
         rest: the same with one factor on all lengths, (G,) [m, rad]; as ``smallest`` where the gauge has no lengths.
-        factor: by which all lengths are too long, and its standard deviation; zero where the gauge has no lengths.
+        factor: by which all lengths are too long, if they share one, and its standard deviation; zero where the gauge
+            has no lengths.
+        factor_probability: that they share one.
     """
 
     parameters: tuple[Parameter, ...]
@@ -54,6 +60,7 @@ class DeclaredGeometry:
     rest: Array
     factor: float = 0.0
     factor_std: float = np.inf
+    factor_probability: float = 0.0
 
     @classmethod
     def of(cls, found: Fit, declared: Mapping[str, float], time: float = 1.0) -> "DeclaredGeometry":
@@ -82,12 +89,13 @@ class DeclaredGeometry:
         y = left[:, 0] + rows[:, : len(names)] @ found.errors
         columns = rows[:, at] * sigma
         R = np.asarray(np.linalg.qr(np.column_stack([columns, rows[:, len(names) :].sum(axis=1), y]), mode="r"))
-        smallest = _solve(R[:, [*range(len(at)), -1]], np.ones(len(at)))[0]
-        geometry = tuple(p for p, g in zip(kept, own, strict=True) if g)
+        R = _of_geometry(R, own)
+        G, geometry = int(own.sum()), tuple(p for p, g in zip(kept, own, strict=True) if g)
+        smallest = sigma[own] * _solve(R[:, [*range(G), -1]], np.ones((1, G)))[0][0]
         if not scale:
-            return cls(geometry, sigma[own], (sigma * smallest)[own], (sigma * smallest)[own])
-        rest, factor, std = _with_factor(R, lengths, angles)
-        return cls(geometry, sigma[own], (sigma * smallest)[own], (sigma * rest)[own], factor, std)
+            return cls(geometry, sigma[own], smallest, smallest)
+        rest, *shared = _weigh_factor(R, lengths[own], found.setup.gauge.scale_sigma)
+        return cls(geometry, sigma[own], smallest, sigma[own] * rest, *shared)
 
     @property
     def limits(self) -> Array:
@@ -103,16 +111,41 @@ class DeclaredGeometry:
         for k in out[np.argsort(-np.abs(errors[out] / self.sigma[out]), kind="stable")]:
             yield self.parameters[k], float(errors[k]), float(self.sigma[k])
 
-    def has_factor(self, known: float) -> bool:
-        """Tell whether all lengths share a factor that links do not have, nor a gauge of a scale ``known`` so well."""
-        sure = abs(self.factor) > GROSS.factor_sigmas * np.hypot(self.factor_std, known)
-        return bool(sure and abs(self.factor) > GROSS.least_factor)
+    @property
+    def has_factor(self) -> bool:
+        """Whether all lengths share a factor that links do not have, nor a gauge as good as it is declared."""
+        return self.factor_probability > GROSS.factor_probability and abs(self.factor) > GROSS.least_factor
+
+    @property
+    def factor_at_most(self) -> float:
+        """What a factor that is not ruled out stays below with a probability of 95 %."""
+        if (share := 0.05 / max(self.factor_probability, 1e-300)) >= 1.0:
+            return 0.0
+        return max(0.0, abs(self.factor) + self.factor_std * float(ndtri(1.0 - share)))
 
     @property
     def factor_text(self) -> str:
         """The factor in per cent, to the decimals that its standard deviation allows."""
+        return self._percent(self.factor)
+
+    def _percent(self, factor: float) -> str:
         decimals = int(np.clip(np.round(-np.log10(max(100 * self.factor_std, 1e-9))), 1, 3))
-        return f"{100 * abs(self.factor):.{decimals}f} %"
+        return f"{100 * abs(factor):.{decimals}f} %"
+
+    @property
+    def factor_notes(self) -> tuple[str, ...]:
+        """Say that a factor is not ruled out, or how large one would not be seen; nothing without lengths."""
+        if not np.isfinite(self.factor_std):
+            return ()
+        if self.factor_at_most > 0.0:
+            return (
+                f"all lengths may be off by one factor of {self._percent(self.factor)} ± "
+                f"{self._percent(self.factor_std)} ({self.factor_probability:.0%} likely): check scale and unit of the "
+                "gauge; the limit of 95 % counts with it",
+            )
+        unseen = max(GROSS.unseen_factor_sigmas * self.factor_std, GROSS.least_factor)
+        told = f"one factor on all lengths of up to {self._percent(unseen)} would not be seen: the run cannot tell it"
+        return (Aside(f"{told} from errors of the links, and the statement rests on the scale of the gauge"),)
 
 
 def scale_parameters(found: Fit) -> tuple[Parameter, ...]:
@@ -122,45 +155,62 @@ def scale_parameters(found: Fit) -> tuple[Parameter, ...]:
     return tuple(p for e in errors for p in e.make(None))
 
 
-def _solve(R: Array, size: Array) -> tuple[Array, Array]:
-    """Return the mean in sigmas, (P,), and the covariance per ``size``, (P, P), of a triangle (P + 1, P + 1)."""
-    columns = R[:, :-1] * size
-    information = columns.T @ columns + np.eye(len(size))
-    covariance = np.asarray(np.linalg.inv(information))
-    return np.asarray(size * (covariance @ (columns.T @ R[:, -1]))), covariance
-
-
-def _with_factor(R: Array, lengths: np.ndarray, angles: np.ndarray) -> tuple[Array, float, float]:
-    """Return errors in sigmas (P,), the factor and its standard deviation, with the sizes of the errors as learnt.
+def _of_geometry(R: Array, own: np.ndarray) -> Array:
+    """Return the triangle of the geometry's columns, the factor and the readings, what else is unknown averaged out.
 
     Args:
-        R: triangle of the columns per sigma, behind them that of the factor and the readings, (P + 2, P + 2).
-        lengths: which columns are of lengths, (P,).
-        angles: the same of angles, (P,).
+        R: triangle of all columns per sigma, behind them that of the factor and the readings, (P + 2, P + 2).
+        own: which columns are of the geometry, (P,).
     """
-    rounds = 30  # of a fixed point that a few are enough for
-    size = np.ones(len(lengths))
-    for _ in range(rounds):
-        mean, covariance = _solve(R, np.append(size, UNKNOWN_PRIOR))
-        for which in (lengths, angles):
-            decided = float((1 - np.diag(covariance)[:-1][which]).sum())
-            square = (float((mean[:-1][which] ** 2).sum()) + 1.0) / (decided + 1.0)
-            size = np.where(which, np.clip(np.sqrt(square), *PRIOR_FACTORS), size)
-    return mean[:-1], float(mean[-1]), float(np.sqrt(covariance[-1, -1]))
+    others = np.flatnonzero(~own)
+    order = [*others, *np.flatnonzero(own), len(own), len(own) + 1]
+    stacked = np.vstack([R[:, order], np.eye(len(others), len(order))])
+    return np.asarray(np.linalg.qr(stacked, mode="r")[len(others) :, len(others) :])
 
 
-def gross_error(found: Fit, declared: Mapping[str, float], cell: Cell, run: Run, time: float = 1.0) -> str:
-    """Return why what was fitted is no calibration of this robot; empty where it may be one.
+def _solve(R: Array, sizes: Array) -> tuple[Array, Array, Array]:
+    """Return mean and standard deviation of what is unknown, (K, P) each, and the log evidence, (K,) up to a constant.
 
     Args:
-        found: last stage.
-        declared: sigma of every parameter, by name, before any was learnt [m, rad].
-        cell: of the run.
-        run: that was fitted.
-        time: how many of its samples are worth one.
+        R: triangle of columns and readings, (P + 1, P + 1).
+        sizes: standard deviations beforehand, K sets of them, (K, P).
     """
-    geometry = DeclaredGeometry.of(found, declared, time)
-    if geometry.has_factor(found.setup.gauge.scale_sigma) and not list(geometry.beyond(geometry.rest)):
+    K, P = sizes.shape
+    below = np.broadcast_to(np.eye(P, P + 1), (K, P, P + 1))  # the prior's rows
+    scaled = R * np.column_stack([sizes, np.ones(K)])[:, None]
+    T = np.linalg.qr(np.concatenate([scaled, below], axis=1), mode="r")
+    inverse = np.linalg.inv(T[:, :P, :P])
+    mean, std = (inverse @ T[:, :P, P:])[..., 0], np.sqrt((inverse**2).sum(axis=2))
+    evidence = -0.5 * T[:, P, P] ** 2 - np.log(np.abs(np.diagonal(T[:, :P, :P], axis1=1, axis2=2))).sum(axis=1)
+    return sizes * mean, sizes * std, evidence
+
+
+def _weigh_factor(R: Array, lengths: np.ndarray, known: float) -> tuple[Array, float, float, float]:
+    """Return errors in sigmas (G,) beside a factor, the factor, its standard deviation, and how likely there is one.
+
+    Args:
+        R: triangle of the columns of the geometry per sigma, of the factor and of the readings, (G + 2, G + 2).
+        lengths: which columns are of lengths, (G,); the others are of angles.
+        known: standard deviation of the gauge's scale as declared.
+    """
+    sizes = np.geomspace(*PRIOR_FACTORS, 16)  # a factor of 1.5 apart
+    pairs = np.array(list(product(sizes, sizes)))
+    prior = -0.5 * (np.log(pairs) ** 2).sum(axis=1) / LOG_NOISE_SIGMA**2
+    own = np.where(lengths, pairs[:, :1], pairs[:, 1:])
+    sound, wrong = (
+        _solve(R, np.column_stack([own, np.full(len(own), s)])) for s in (known, np.hypot(known, GROSS.factor_sigma))
+    )
+    log_odds = logit(GROSS.wrong_scales) + np.logaddexp.reduce(wrong[2] + prior) - np.logaddexp.reduce(sound[2] + prior)
+    mean, std, evidence = wrong
+    weight = softmax(evidence + prior)
+    factor = float(weight @ mean[:, -1])
+    spread = float(np.sqrt(weight @ (std[:, -1] ** 2 + (mean[:, -1] - factor) ** 2)))
+    return weight @ mean[:, :-1], factor, spread, float(expit(log_odds))
+
+
+def gross_error(geometry: DeclaredGeometry, cell: Cell, run: Run) -> str:
+    """Return why what was fitted is no calibration of this robot; empty where it may be one."""
+    if geometry.has_factor and not list(geometry.beyond(geometry.rest)):
         longer = "longer" if geometry.factor > 0 else "shorter"
         return (
             f"all lengths are off by one factor ({geometry.factor_text}): scale or unit. The gauge reads this arm "
