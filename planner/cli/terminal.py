@@ -252,10 +252,12 @@ def check_file(output: str, force: bool = False, into_folder: bool = False) -> N
         InputError: its folder is missing or may not be written, it is a folder, or it was not written by edbb.
     """
     path = Path(output)
-    if output == "-" or (path.exists() and not path.is_file() and not path.is_dir()):  # a device is written to
+    if output == "-":
+        return
+    check_names(path)
+    if path.exists() and not path.is_file() and not path.is_dir():  # a device is written to
         return
     if into_folder and is_folder(output):
-        check_names(path)
         _check_place(path)
         return
     check_writing(path, force=force)
