@@ -29,8 +29,9 @@ from planner.cell.cell import Cell
 from planner.common.determinism import even_positions
 from planner.common.summary import Aside
 from planner.common.units import DEG, MM, Array
+from planner.effects.basis import ONE, Times
 from planner.effects.catalogue import Excitation
-from planner.effects.effect import Parameter
+from planner.effects.effect import Parameter, ParameterMove
 from planner.effects.gauge_unknowns import unknowns_of
 from planner.identification.assumptions import GROSS, LOG_NOISE_SIGMA, PRIOR_FACTORS, UNKNOWN_PRIOR
 from planner.identification.better_explanations import explain_better
@@ -149,10 +150,18 @@ class DeclaredGeometry:
 
 
 def scale_parameters(found: Fit) -> tuple[Parameter, ...]:
-    """Return what makes every length that the gauge reads too long; none of a gauge that reads no lengths."""
+    """Return what makes every length too long; none for a gauge that reads no lengths.
+
+    To a gauge whose readings are too long the whole arm is larger: that is linear about the fitted arm, which is as
+    large, while a camera whose board is larger is not. Where a joint slides its travel would be longer too, which
+    lengths of links are not, and it is the gauge that is varied.
+    """
     seen = Excitation.of(found.setup, found.problem.samples)
-    errors = [e for e in unknowns_of(found.setup.gauge).errors(seen) if e.kind == SCALE]
-    return tuple(p for e in errors for p in e.make(None))
+    own = tuple(p for e in unknowns_of(found.setup.gauge).errors(seen) if e.kind == SCALE for p in e.make(None))
+    if not own or found.setup.robot.slides.any():
+        return own
+    moves = tuple(ParameterMove("transform", k, Times(length, ONE)) for k, length in seen.lengths)
+    return (Parameter("arm_size", "1", GROSS.factor_sigma, "size of the whole arm", moves, "geometry"),)
 
 
 def _of_geometry(R: Array, own: np.ndarray) -> Array:

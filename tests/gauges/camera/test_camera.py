@@ -1,6 +1,7 @@
 """A camera on the flange and one that stands: reading, derivative, a run by OpenCV identified, what is refused."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -121,6 +122,17 @@ def test_a_run_that_opencv_made_is_identified(cell, pool, tmp_path):
     said = own_errors_text(found)
     after = float(said.split(" px after")[0].split()[-1])
     assert 0.15 * np.sqrt(2) * 0.9 < after < 0.15 * np.sqrt(2) * 1.15
+
+
+def test_a_board_that_is_two_per_cent_smaller_than_said_is_told(tmp_path):
+    """Printers scale to the page; the robot would be fitted as larger, and every image would agree."""
+    cell = read(tmp_path, SHIPPED)
+    run = measured(cell, draw_candidates(cell, 300, seed=1), tmp_path, 60)
+    larger = re.sub(r"(square_mm|marker_mm) = ([\d.]+)", lambda m: f"{m[1]} = {1.02 * float(m[2])!r}", SHIPPED)
+    (said, *_) = identify(run, read(tmp_path, larger, planning=False), settings=QUICK).problems
+    factor = re.match(r"all lengths are off by one factor \(([\d.]+) %\)", said)
+    assert float(factor[1]) == pytest.approx(2.0, abs=0.3)
+    assert "longer" in said
 
 
 def test_the_zeros_of_joints_are_found_within_their_uncertainty(cell, pool, tmp_path):
