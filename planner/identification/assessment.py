@@ -74,11 +74,15 @@ ROW_EFFECTS = ("backlash", "hysteresis")  # that show by how each joint came to 
 
 
 def find_problems(
-    stages: Sequence[FittedStage], geometry: DeclaredGeometry, traced: TracingResult, run: Run, cell: Cell
-) -> tuple[str, ...]:
-    """Return the reasons not to use the result, after tracing, and what was tried; none when it passed."""
+    stages: Sequence[FittedStage], free: FittedParameters, traced: TracingResult, run: Run, cell: Cell, time: float
+) -> tuple[tuple[str, ...], DeclaredGeometry]:
+    """Return the reasons not to use the result, after tracing, none when it passed; and what the run says of geometry.
+
+    ``time``: how many samples are worth one.
+    """
     out, unit, found = [], cell.gauge.unit, stages[-1].fit
     before, last = (min((s.stage.held_out for s in part), key=lambda m: m.rms) for part in (stages[:2], stages[-1:]))
+    geometry = DeclaredGeometry.of(found, {p.name: p.prior for p in free.whole.parameters}, time)
     if last.rms > LARGEST_HELD_OUT:
         off = f"held-out poses are still {last.rms / MM:.1f} {unit} off"
         usual = "look for rows that were exchanged, another ball, fixture or tool point, and units"
@@ -94,7 +98,7 @@ def find_problems(
     factor = found.solution.factor
     if len(factor) and not np.all(np.isfinite(factor)):
         out.append("the information of the fit is not finite")
-    return tuple(out)
+    return tuple(out), geometry
 
 
 def _attempts_text(traced: TracingResult) -> str:
@@ -181,8 +185,7 @@ def assess_fit(
     found = stages[-1].fit
     covariance, time = _whole_covariance(found, free, run.continuous)
     table = _estimate_all(free, found, covariance, traced)
-    declared = DeclaredGeometry.of(found, {p.name: p.prior for p in free.whole.parameters}, time)
-    problems = find_problems(stages, declared, traced, run, cell)
+    problems, declared = find_problems(stages, free, traced, run, cell, time)
     released = None if problems else _release(stages, free, context, cell, time, basis)
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     last = (stages := _count_alike(stages, _row_weight(released, stages[-1].stage), parts))[-1].stage
