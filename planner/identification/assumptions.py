@@ -77,10 +77,7 @@ class GrossErrorLimits:
     length: float = 50 * MM
     angle: float = 5 * DEG  # [rad]
     never_refused_sigmas: float = 6.0
-    wrong_scales: float = 0.02  # of runs have a wrong scale or unit: of hundreds that people make a few
     factor_sigma: float = 1e-2  # of such a scale: a board printed 2 % off, a wire's drum, a length of 100.5 for 100 mm
-    factor_probability: float = 0.3  # from which on a run is refused: of 10 800 clean simulated arms 11 were
-    unseen_factor_sigmas: float = 3.5  # standard deviations below which more than half of all factors are not told
     least_factor: float = 2e-3  # below, the links of a small arm may share it: 2 mm of a metre
     another_run: float = 30 * MM  # left with the gauge placed: below, no other robot, unit or order of joints is tried
 

@@ -235,9 +235,9 @@ def test_a_correction_that_is_expected_to_do_harm_is_refused(identified):
     assert code == 2
     assert "numbers each" in told
     known.unlink()
-    code, _, told = edbb("compensate", identified / "part.src", *words)
+    code, out, _ = edbb("compensate", identified / "part.src", *words)
     assert code == 5  # the pose without tool and base stays
-    assert "tool error  unknown: no expected_error.json lies beside robot.toml" in told
+    assert "tool error  unknown: no expected_error.json lies beside robot.toml" in out
 
 
 def test_a_controller_that_corrects_itself_is_refused(identified):
