@@ -65,6 +65,9 @@ def pictures() -> Iterator[Picture]:
     yield Picture("panda_before_after.png", partial(_chart, "panda_before_after"), _of_run("panda"))
     measured = ("docs/pictures/shown/stopping.json", f"{DRAWING}/stopping.py")
     yield Picture("stopping.png", partial(_stopping, "0.2"), measured)
+    numbers = ("planner/reproduction/numbers.json", "planner/reproduction/pictures.py")
+    for name in ("pruning", "tour", "circle_and_path", "sine", "accuracy"):
+        yield Picture(f"papers_{name}.png", partial(_of_papers, name), numbers)
     for run, title in TITLES.items():
         yield Picture(f"{run}_stages.png", partial(_chart, "stages", run, title), _of_run(run))
 
@@ -122,6 +125,13 @@ def _stopping(goal: str) -> bytes:
     from docs.drawing.stopping import stopping_curves
 
     return stopping_curves(goal)
+
+
+def _of_papers(name: str) -> bytes:
+    from planner.reproduction.pictures import draw_picture
+    from planner.reproduction.rows import stored_numbers
+
+    return draw_picture(name, stored_numbers())
 
 
 def measure(run: str) -> None:

@@ -23,7 +23,7 @@ ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
 ORDER = [
     "common", "kinematics", "runs", "cell", "effects", "gauges", "model", "motion", "design", "programs", "session",
-    "identification", "tracing", "compensation", "instruments", "report", "studies", "workflow",
+    "identification", "tracing", "compensation", "instruments", "report", "studies", "workflow", "reproduction",
     "cli", "service", "wings",
 ]  # fmt: skip
 

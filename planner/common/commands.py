@@ -73,12 +73,13 @@ def register_command(name: str, line: str, typed: str, group: str = MORE, needs:
     _enter(Command(name, line, None, typed, group, needs))
 
 
-def register_call(call: type[Call], typed: str = "") -> None:
+def register_call(call: type[Call], typed: str = "", needs: tuple[str, ...] = ()) -> None:
     """Make a declared command known: to the command line, to the service and to the documentation.
 
     Args:
         call: its declaration.
         typed: the function of the command line as ``module:name``, where more is typed than is declared.
+        needs: shipped extensions without which it does nothing, by their names.
 
     Raises:
         DeclarationError: the declaration is wrong, or another extension has that command.
@@ -89,7 +90,7 @@ def register_call(call: type[Call], typed: str = "") -> None:
             f"{call.__module__}: {call.__name__} has no field progress, which the command line calls: "
             "'progress: ProgressKeyword = no_progress' is needed, behind the others"
         )
-    _enter(Command(call.verb, call.line, call, typed, call.group))
+    _enter(Command(call.verb, call.line, call, typed, call.group, needs))
 
 
 def _enter(command: Command) -> None:

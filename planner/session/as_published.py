@@ -4,9 +4,9 @@ from dataclasses import replace
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
+from planner.design.selection.pruning import EXACT_FROM
 from planner.session.options import PlanOptions
 
-CANDIDATES = 3_400  # "approximately 3400 valid poses in the EDBB measurement space"
 LANGUAGES = ("bnr", "krl")  # G-code of the paper's controller, and KRL; each where the robot's file has its axes
 WORDS = (
     "planned as published: {count} candidates in the gauge's shell, pruned by the condition number; order by the "
@@ -28,7 +28,7 @@ def follow_paper(cell: Cell, options: PlanOptions) -> tuple[Cell, PlanOptions, t
     dialects = options.dialect or tuple(dict.fromkeys((*cell.controller.dialects, *also)))
     options = replace(options, aim="index", index="O2", method="pruning", order="slowest-axis", dialect=dialects)
     said = cell.file.plan
-    count = said.candidates if "candidates" in said.model_fields_set else CANDIDATES
+    count = said.candidates if "candidates" in said.model_fields_set else EXACT_FROM
     file = cell.file.model_copy(update={"plan": said.model_copy(update={"candidates": count, "as_published": True})})
     cell = replace(cell, file=file, plan=replace(cell.plan, candidates=count))
     return cell, options, (WORDS.format(count=count),)

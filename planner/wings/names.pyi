@@ -1,5 +1,7 @@
 # Names that shipped extensions give to ``planner``, for type checkers and editors; see ``register_names``.
 
+from planner.reproduction.papers_result import PapersResult as PapersResult
+from planner.reproduction.papers_result import papers as papers
 from planner.studies.cell_study import StudyResult as StudyResult
 from planner.studies.cell_study import study as study
 from planner.studies.observability import Observability as Observability

@@ -12,7 +12,7 @@ IDENTIFY = TIMED["identify"]
 
 
 def test_the_long_commands_say_when_their_stages_begin():
-    assert set(TIMED) == {"plan", "plan-both", "study", "identify"}
+    assert set(TIMED) == {"plan", "plan-both", "study", "identify", "papers"}
 
 
 @pytest.mark.parametrize("starts", TIMED.values(), ids=TIMED)

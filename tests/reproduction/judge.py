@@ -11,7 +11,7 @@ from planner.identification.calibrated_robot import CalibratedRobot, calibrated_
 from planner.kinematics.robot_reader import load_robot
 from tests.reproduction.instruments import CHOSEN, REGISTERED, VALIDATED, arm, bench
 from tests.reproduction.planned import of_tracker, stops
-from tests.reproduction.truth import COMPLIANCES, TRACKER_M, errors, truth
+from tests.reproduction.truth import TRACKER_M, errors, signed_compliances, truth
 from tests.simulation.generator.course import course
 from tests.simulation.generator.scene import total
 
@@ -53,20 +53,13 @@ def validated(calibration, measured, more=()):
     return Errors(in_frame(p + R @ calibration.frames.tool[0].p_FM, x))
 
 
-def nominal(measured, more=()):
-    """Errors of the arm by its data sheet."""
-    q, x = validation(measured.tool, more)
-    R, p = arm().flange(q)
-    return Errors(in_frame(p + R @ measured.tool, x))
-
-
 def as_planted(calibration):
     """Joint χ² of the parameters that the fit and Table 8 have in common, and how many they are.
 
     Where the parallel axes 2 and 3 leave their offsets to one number, that is d2 here and d3 there unless the fit kept
     the paper's; a last row's d6 and θ6 may be the tool point's, and the base's six numbers are those of another frame.
     """
-    truth = dict(errors()) | {f"compliance{j}": float(np.radians(c)) for j, c in COMPLIANCES.items()}
+    truth = dict(errors()) | {f"compliance{j}": float(np.radians(c)) for j, c in signed_compliances().items()}
     names = calibration.fit.model.names
     if "d3" not in names:
         truth["d2"] = truth.pop("d3")

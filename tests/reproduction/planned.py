@@ -14,7 +14,6 @@ from planner.session.plan_types import Plan
 from planner.workflow.planning import plan_cell
 from tests.reproduction.truth import TOOL_COM_MM, TOOL_KG
 
-ATTACH_MIN = 2.0  # to set the bar down, zero it and attach it at the next place
 SECOND_POINT = 'points = [{ name = "2", map_mm = [-60, 40, 90] }]'
 QUIET = Stages(lambda *_: None)
 
@@ -49,13 +48,6 @@ def of_tracker(poses, validate) -> Plan:
     return _planned(text.replace("candidates = 20000", "candidates = 6000"), PlanOptions(poses=poses))
 
 
-@cache
-def of_trical(poses) -> Plan:
-    """Plan ``poses`` poses of the head on the four balls of the paper."""
-    text = _shipped("trical").replace("repeat = 4", "repeat = 0").replace("validate = 8", "validate = 0")
-    return _planned(text, PlanOptions(poses=poses))
-
-
 def stops(made: Plan, *roles) -> list[Stop]:
     """The poses of a plan that are there for ``roles``, place by place."""
     out = []
@@ -66,12 +58,6 @@ def stops(made: Plan, *roles) -> list[Stop]:
         if len(q):
             out.append(Stop(q, place.name, *at))
     return out
-
-
-def minutes(made: Plan) -> float:
-    """Time of the robot and of the person who attaches the gauge [min]."""
-    seconds = sum(d.trajectory.duration_s + 2 * d.course.travel.trajectory.duration_s for d in made.drives)
-    return seconds / 60 + ATTACH_MIN * len(made.drives)
 
 
 def _mm(p):

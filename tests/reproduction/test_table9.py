@@ -8,10 +8,11 @@ from scipy.stats import chi2
 
 import tests.reproduction.instruments as instruments
 import tests.reproduction.judge as judge
+from planner.reproduction.published import published as printed
 from tests.reproduction.instruments import bar_run, identified, tracked
 from tests.reproduction.judge import as_planted, validated
 from tests.reproduction.planned import of_bar
-from tests.reproduction.table9 import PUBLISHED, SIZE, Row
+from tests.reproduction.table9 import SIZE, Row
 from tests.reproduction.truth import hidden
 
 pytestmark = pytest.mark.long
@@ -34,7 +35,7 @@ def session():
 
 
 def test_without_further_effects_the_bar_and_the_tracker_bring_the_arm_back():
-    for measured in (tracked(), bar_run(session(), "tracing")):
+    for measured in (tracked(), bar_run(session())):
         found = identified(measured, traced=False)
         assert validated(found, measured).row[1] < 0.08, measured.name
         value, count = as_planted(found)
@@ -50,7 +51,7 @@ def test_one_published_figure_sizes_the_arms_and_the_others_are_predicted():
         measured = tracked(more, seed)
         left.append(validated(identified(measured, traced=False), measured, more).row)
     mean, largest, std = np.mean(left, axis=0)
-    published = PUBLISHED["laser tracker"]
+    published = printed().table_9.tracker_mm
     assert mean == pytest.approx(published[0], rel=0.1)  # 150 of the 500 poses
     assert published[1] < largest < 1.4 * published[1]  # 0.696 of 0.539 mm at all 500: gears that err in few places
     assert published[2] < std < 1.5 * published[2]
@@ -60,7 +61,7 @@ def test_a_traced_bar_is_no_worse_than_the_tracker_whose_model_lacks_the_same(mo
     for module in (instruments, judge):
         monkeypatch.setattr(module, "VALIDATED", 500)  # as in the table: the largest of few poses is chance
     more = hidden(SIZE)
-    measured, bar = tracked(more), bar_run(session(), "tracing", more)
+    measured, bar = tracked(more), bar_run(session(), more)
     tracker = Row(measured, False, validated(identified(measured, traced=False), measured, more), None)
     found = identified(bar, traced=True)
     traced = Row(bar, True, validated(found, bar, more), found)

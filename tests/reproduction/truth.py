@@ -4,22 +4,13 @@ from types import MappingProxyType
 
 import numpy as np
 
+from planner.reproduction.published import published
 from tests.simulation.generator.kinds import Effect
 from tests.simulation.generator.truth import Noise, Truth
 
 SEED = 7
 TOOL_KG = 6.0  # of the end effector in all tests of the paper
 TOOL_COM_MM = [20, 0, 65]
-# Table 8, identified less nominal: degrees and millimetres
-ANGLES_DEG = {
-    "alpha1": 0.005, "alpha2": -0.015, "alpha3": -0.001, "alpha4": 0.105, "alpha5": -0.017,
-    "theta2": 0.026, "theta3": 0.044, "theta4": 0.007, "theta5": 0.015, "theta6": 0.012, "beta2": -0.005,
-}  # fmt: skip
-LENGTHS_MM = {
-    "a1": 0.243, "a2": 0.160, "a3": 0.106, "a4": 0.075, "a5": 0.032, "d3": 0.067, "d4": -0.340, "d5": 0.001,
-    "d6": -0.279,
-}  # fmt: skip
-COMPLIANCES = {2: 2.987e-3, 3: -3.238e-3, 4: -8.723e-3, 5: -25.489e-3, 6: -28.161e-3}  # [deg/Nm]
 # what is there besides: uneven gears, a link that bends, play; one size for all of them, see ``table9.SIZE``
 UNEVEN = {1: 17.0, 2: 15.0, 3: 19.0, 4: 14.0, 5: 16.0}  # joint: knots a turn
 UNEVEN_RAD = 2.2e-4
@@ -32,13 +23,18 @@ JOINT_RAD = 1.3e-5  # 0.03 mm (three sigma) at the tool
 
 def errors():
     """Geometric errors [m, rad] by the names of the rows."""
-    angles = {name: float(np.radians(v)) for name, v in ANGLES_DEG.items()}
-    return MappingProxyType({**angles, **{name: v / 1e3 for name, v in LENGTHS_MM.items()}})
+    angles = {name: float(np.radians(v)) for name, v in published().table_8.deg.items()}
+    return MappingProxyType({**angles, **{name: v / 1e3 for name, v in published().table_8.mm.items()}})
 
 
 def compliances():
     """The joints' compliances; the paper's coefficients stay signed, the sense of the axis included."""
-    return tuple(Effect("joint-compliance", j, float(np.radians(c))) for j, c in COMPLIANCES.items())
+    return tuple(Effect("joint-compliance", j, float(np.radians(c))) for j, c in signed_compliances().items())
+
+
+def signed_compliances():
+    """Compliance of each joint as the paper states it [deg/Nm]."""
+    return {int(name.removeprefix("compliance")): value for name, value in published().table_8.deg_Nm.items()}
 
 
 def hidden(size=1.0, seed=0):

@@ -10,13 +10,8 @@ from planner.instruments.circular.plan import circle_samples
 from planner.instruments.set_up import solve_fixture_pose
 from planner.instruments.simulation import SAMPLE_RATE
 from planner.instruments.truth import draw_truth
+from planner.reproduction.circle_and_path import compare_samples
 from planner.runs.run import Samples
-from tests.reproduction.comparison import PAPER, compare_samples
-
-
-def test_published_numbers():
-    assert (PAPER.circle.length, PAPER.circle.deviation) == pytest.approx((2.45e-3, 2.36e-3))
-    assert (PAPER.path.length, PAPER.path.deviation) == pytest.approx((156.32e-3, 8.28e-3))
 
 
 def test_a_circle_uses_and_shows_less(planned):

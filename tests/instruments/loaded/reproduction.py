@@ -10,7 +10,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import fminbound
 
 import tests.instruments.loaded.shared as shared
 import tests.instruments.loaded.world as world
@@ -19,6 +18,7 @@ from planner.instruments.loaded.evaluation import evaluate_loaded_circles
 from planner.instruments.loaded.types import LoadedEvaluation
 from planner.report.loaded_report import loaded_charts
 from planner.report.matplotlib_backend import chart_png
+from planner.reproduction.loaded_bar import fit_sine
 from planner.runs.run import Readings, Run, Samples
 
 AMPLITUDE, PHASE = 0.764e-3, np.radians(14.08)
@@ -48,26 +48,10 @@ def evaluated(seed: int = 0) -> LoadedEvaluation:
     return evaluate_loaded_circles(shared.run_of(way, length), shared.cell(), _tracker(arm, truth, rng))
 
 
-def paper_offset(theta, y):
-    """Amplitude [m], frequency b, phase [rad] and rms [m] of a sin(b θ − φ) with b free, as the paper fits it (eq. 9).
-
-    For each b the rest is linear, so only b is searched, all over its range; a first guess can end elsewhere.
-    """
-
-    def fit(b):
-        A = np.column_stack([np.sin(b * theta), np.cos(b * theta)])
-        (along, across), *_ = np.linalg.lstsq(A, y)
-        rms = np.sqrt(np.mean((y - A @ [along, across]) ** 2))
-        return float(np.hypot(along, across)), float(b), float(np.arctan2(-across, along)), float(rms)
-
-    best = min(np.arange(0.2, 3.005, 0.01), key=lambda b: fit(b)[3])
-    return fit(fminbound(lambda b: fit(b)[3], best - 0.01, best + 0.01, xtol=1e-7))
-
-
 def rows(seed: int = 0) -> tuple[Row, ...]:
     """Published numbers beside ours."""
     (circle,) = evaluated(seed).circles
-    amplitude, frequency, phase, _ = paper_offset(circle.curves.theta, circle.averaged.mean(axis=0))
+    amplitude, frequency, phase, _ = fit_sine(circle.curves.theta, circle.averaged.mean(axis=0))
     assert circle.tracker is not None
     turn = 2 * np.pi * circle.curves.circle.radius / 0.05 * 1000
     made = "the ball was set off so that b = 1 gives the paper's number"

@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.placement import Targets
-from planner.common.units import MM, Array
+from planner.common.units import Array
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.instruments.simulation import SAMPLE_RATE
 from planner.instruments.truth import draw_truth
@@ -35,10 +35,6 @@ class CircleAndPath:
 
     circle: Ranges
     path: Ranges
-
-
-PAPER = CircleAndPath(Ranges(2.45 * MM, 2.36 * MM), Ranges(156.32 * MM, 8.28 * MM))
-"""Published: one Comau NJ-130, with the error of following the path in the lengths."""
 
 
 def compare_circle_and_path(circles: CircularPlan, path: Plan, seeds: Iterable[int]) -> tuple[CircleAndPath, ...]:
