@@ -15,7 +15,7 @@ from planner.design.observability.information import index_value
 from planner.kinematics.robot_reader import load_robot
 from planner.model.model import Model
 from planner.model.tool_error import uniform_states
-from planner.reproduction.published import published
+from planner.reproduction.published import paper_numbers
 from planner.runs.run import Samples
 
 CELL = "comau-nj130/paper"
@@ -26,7 +26,7 @@ def model_numbers() -> dict[str, Any]:
     cell = load_cell(CELL)
     samples = Samples.at(uniform_states(cell, 2000, 0), cell.mountings[0])
     model = Model.from_cell(cell)
-    seen, printed = _seen(cell, samples), _as_printed(cell)
+    seen, printed = _find_seen(cell, samples), _make_printed_cell(cell)
     everything = Model.from_cell(cell, frozenset({"fixture", "tool"}))
     all_seen = find_identifiable(everything.rows(samples), everything.names)
     rows = model.rows(samples.take(np.arange(35)))
@@ -38,9 +38,9 @@ def model_numbers() -> dict[str, Any]:
         "rank_all": all_seen.rank,
         "dropped_all": ", ".join(d.name for d in all_seen.dropped),
         "dropped": ", ".join(d.name for d in seen.dropped),
-        "rank_printed": _seen(printed, samples).rank,
-        "reach_used_mm": _wrist_reach(cell, published().table_1.used_alpha_deg),
-        "reach_printed_mm": _wrist_reach(cell, published().table_1.printed_alpha_deg),
+        "rank_printed": _find_seen(printed, samples).rank,
+        "reach_used_mm": _wrist_reach(cell, paper_numbers().table_1.used_alpha_deg),
+        "reach_printed_mm": _wrist_reach(cell, paper_numbers().table_1.printed_alpha_deg),
         "length_difference_m": _length_difference(cell, model, samples),
         "jacobian_difference": _jacobian_difference(model, samples.take(np.arange(50))),
         "o2_random": index_value("O2", chosen),
@@ -49,14 +49,14 @@ def model_numbers() -> dict[str, Any]:
     }
 
 
-def _seen(cell: Cell, samples: Samples) -> Identifiability:
+def _find_seen(cell: Cell, samples: Samples) -> Identifiability:
     model = Model.from_cell(cell)
     return find_identifiable(model.rows(samples), model.names)
 
 
-def _as_printed(cell: Cell) -> Cell:
+def _make_printed_cell(cell: Cell) -> Cell:
     """Return the cell with a robot whose twists are those of Table 1 as printed."""
-    table, text = published().table_1, cell.robot.path.read_text(encoding="utf-8")
+    table, text = paper_numbers().table_1, cell.robot.path.read_text(encoding="utf-8")
     parts = text.split("[[joints]]")
     for k, (used, printed) in enumerate(zip(table.used_alpha_deg, table.printed_alpha_deg, strict=True), start=1):
         line = f"alpha_deg = {used:g}\n"
@@ -76,7 +76,7 @@ def _wrist_reach(cell: Cell, alpha_deg: tuple[float, ...]) -> float:
 
 def _dh_position(q: Array, alpha_deg: tuple[float, ...], wrist: bool = False, tool: Array | None = None) -> Array:
     """Multiply the homogeneous matrices of Table 1 (eq. 1); return the last frame's origin, or the tool's, (n, 3)."""
-    table, T = published().table_1, np.broadcast_to(np.eye(4), (len(q), 4, 4))
+    table, T = paper_numbers().table_1, np.broadcast_to(np.eye(4), (len(q), 4, 4))
     for k in range(4 if wrist else 6):
         a, d, alpha = table.a_m[k], table.d_m[k], np.deg2rad(alpha_deg[k])
         theta = q[:, k] + np.deg2rad(table.theta_deg[k])
@@ -92,7 +92,7 @@ def _dh_position(q: Array, alpha_deg: tuple[float, ...], wrist: bool = False, to
 
 def _length_difference(cell: Cell, model: Model, samples: Samples) -> float:
     """Largest difference of the length (eq. 2) to plain products of homogeneous matrices [m]."""
-    x = _dh_position(samples.q, published().table_1.used_alpha_deg, tool=cell.tool.p_FM)
+    x = _dh_position(samples.q, paper_numbers().table_1.used_alpha_deg, tool=cell.tool.p_FM)
     plain = np.linalg.norm(x - cell.fixtures[0].p_BX, axis=1)
     return float(np.abs(model.reading(samples)[:, 0] - plain).max())
 

@@ -15,7 +15,7 @@ from planner.instruments.circular.planning import CircularSession
 from planner.instruments.loaded.evaluation import evaluate_loaded_circles
 from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import read_truth
-from planner.reproduction.published import published
+from planner.reproduction.published import paper_numbers
 
 CELL = "abb-irb6700/ldbb"
 TRUTH = """schema = "edbb-truth/1"
@@ -53,7 +53,7 @@ def fit_sine(theta: Array, y: Array) -> tuple[float, float, float, float]:
 
 def fit_from_first_guess(theta: Array, y: Array) -> tuple[float, float, float]:
     """Do the same from the paper's first guess alone: a [m], b, φ [rad]."""
-    guess = published().first_guess
+    guess = paper_numbers().first_guess
     start = [guess.a_mm * MM, guess.b, np.radians(guess.phase_deg)]
     found = least_squares(lambda p: p[0] * np.sin(p[1] * theta - p[2]) - y, start, x_scale=[1e-3, 1.0, 1.0])
     a, b, phase = found.x.tolist()
@@ -62,7 +62,7 @@ def fit_from_first_guess(theta: Array, y: Array) -> tuple[float, float, float]:
 
 def loaded_numbers() -> dict[str, Any]:
     """Plan, simulate and evaluate the loaded circle; numbers by their keys in the rows."""
-    sine = published().sine
+    sine = paper_numbers().sine
     lean = 125.0 / np.hypot(125.0, 44.2)  # radius and height of the circle above the table ball [mm]
     offset = sine.a_mm / lean * np.array([np.sin(np.radians(sine.phase_deg)), -np.cos(np.radians(sine.phase_deg))])
     cell = load_cell(CELL)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from planner.report.chart import BLUE, GREY, ORANGE
 from planner.report.matplotlib_backend import figure_png, print_style
-from planner.reproduction.published import published
+from planner.reproduction.published import paper_numbers
 from planner.reproduction.rows import Numbers
 
 Group = Mapping[str, Any]
@@ -55,7 +55,7 @@ def _circle_and_path(left: Axes, right: Axes, plan: Group) -> None:
     names = ("circle:\nlength", "circle:\ndeviation", "path:\nlength", "path:\ndeviation")
     keys = [f"{which}_{what}" for which in ("circle", "path") for what in ("length", "deviation")]
     ours = np.array([plan[f"{key}_mm"] for key in keys])
-    circle, path = published().circle, published().path
+    circle, path = paper_numbers().circle, paper_numbers().path
     theirs = (circle.length_mm, circle.deviation_mm, path.length_mm, path.deviation_mm)
     _bars(left, names, theirs, "{:.2f}")
     low, high = (np.array([plan[f"{key}_{end}_mm"] for key in keys]) for end in ("low", "high"))
@@ -70,7 +70,7 @@ def _circle_and_path(left: Axes, right: Axes, plan: Group) -> None:
 def _sine(left: Axes, right: Axes, loaded: Group) -> None:
     """Fig. 14b and eq. 9: the averaged curve and the sine."""
     theta = np.linspace(0, 360, 361)
-    sine = published().sine
+    sine = paper_numbers().sine
     theirs = sine.a_mm * np.sin(np.radians(sine.b * theta - sine.phase_deg))
     left.plot(theta, theirs, color=ORANGE, label=f"eq. 9, b = {sine.b}")
     right.plot(loaded["averaged_deg"], loaded["averaged_mm"], color=BLUE, label="averaged curve")
@@ -86,7 +86,7 @@ def _sine(left: Axes, right: Axes, loaded: Group) -> None:
 def _accuracy(left: Axes, right: Axes, accuracy: Group) -> None:
     """Fig. 9 and Table 9: position errors at 500 poses."""
     names = ("mean", "maximum", "std")
-    head, tracker = published().table_9.head_mm, published().table_9.tracker_mm
+    head, tracker = paper_numbers().table_9.head_mm, paper_numbers().table_9.tracker_mm
     for shift, which, key, theirs, colour in (
         (-0.2, "TriCal", "head", head, BLUE), (0.2, "laser tracker", "tracker", tracker, ORANGE),
     ):  # fmt: skip

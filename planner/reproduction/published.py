@@ -69,6 +69,6 @@ class Published(StrictModel):
 
 
 @cache
-def published() -> Published:
+def paper_numbers() -> Published:
     """Return what the papers print."""
     return read_toml(Path(__file__).with_suffix(".toml"), Published)

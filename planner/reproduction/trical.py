@@ -23,7 +23,7 @@ from planner.instruments.truth import read_truth
 from planner.instruments.validation import validate_robot
 from planner.model.model import Model
 from planner.model.tool_error import uniform_states
-from planner.reproduction.published import published
+from planner.reproduction.published import paper_numbers
 from planner.runs.run import Samples
 from planner.session.options import PlanOptions
 from planner.tracing.trace import trace
@@ -57,7 +57,7 @@ def table_numbers() -> dict[str, Any]:
 def _mdh_position(q: Array, tool: Array) -> Array:
     """Multiply the matrices of eq. 1 with Table 4 and return the tool's point in the frame of its row 0, (n, 3) [m]."""
     T = np.broadcast_to(np.eye(4), (len(q), 4, 4))
-    table = published().table_4
+    table = paper_numbers().table_4
     for k, (alpha_deg, a_mm, d_mm) in enumerate(zip(table.alpha_deg, table.a_mm, table.d_mm, strict=True)):
         alpha, theta = np.deg2rad(alpha_deg), q[:, k] + np.deg2rad(table.theta_deg[k])
         c, s, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
@@ -93,8 +93,8 @@ def _moved_by_table_8(cell: Cell) -> float:
 
 def _table_8() -> dict[str, float]:
     """Return Table 8, identified less nominal, by the names of the parameters [m, rad]."""
-    angles = {name: float(np.deg2rad(v)) for name, v in published().table_8.deg.items()}
-    return {**angles, **{name: v / 1e3 for name, v in published().table_8.mm.items()}}
+    angles = {name: float(np.deg2rad(v)) for name, v in paper_numbers().table_8.deg.items()}
+    return {**angles, **{name: v / 1e3 for name, v in paper_numbers().table_8.mm.items()}}
 
 
 def _truth(size: float) -> str:
@@ -105,9 +105,9 @@ def _truth(size: float) -> str:
         ("axis wobble once a turn", (1, 2, 3), (0.008, 0.006, -0.006, 0.008)),
     )  # kind, joints, sine and cosine parts at size 1 [deg]: effects of gears and bearings, as large as is usual
     lines = ['schema = "edbb-truth/1"', "[errors]"]
-    lines += [f"{name}_deg = {value}" for name, value in published().table_8.deg.items()]
-    lines += [f"{name}_mm = {value}" for name, value in published().table_8.mm.items()]
-    lines += [f"{name}_deg_Nm = {value}" for name, value in published().table_8.deg_Nm.items()]
+    lines += [f"{name}_deg = {value}" for name, value in paper_numbers().table_8.deg.items()]
+    lines += [f"{name}_mm = {value}" for name, value in paper_numbers().table_8.mm.items()]
+    lines += [f"{name}_deg_Nm = {value}" for name, value in paper_numbers().table_8.deg_Nm.items()]
     for kind, joints, parts in hidden if size else ():
         for j in joints:
             value = ", ".join(f"{size * part * (1 if j % 2 else -1):.8f}" for part in parts)
@@ -122,7 +122,7 @@ def accuracy_numbers() -> dict[str, Any]:
     The other five figures follow from it.
     """
     head, tracker = Chosen.of(CELL), Chosen.of(TRACKER)
-    size = published().table_9.tracker_mm[0] / _judge(tracker, tracker, 1.0)[0]
+    size = paper_numbers().table_9.tracker_mm[0] / _judge(tracker, tracker, 1.0)[0]
     rows = {
         "head": _judge(head, tracker, size),
         "tracker": _judge(tracker, tracker, size),

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 import tests.reproduction.instruments as instruments
 import tests.reproduction.judge as judge
-from planner.reproduction.published import published as printed
+from planner.reproduction.published import paper_numbers
 from tests.reproduction.instruments import bar_run, identified, tracked
 from tests.reproduction.judge import as_planted, validated
 from tests.reproduction.planned import of_bar
@@ -51,7 +51,7 @@ def test_one_published_figure_sizes_the_arms_and_the_others_are_predicted():
         measured = tracked(more, seed)
         left.append(validated(identified(measured, traced=False), measured, more).row)
     mean, largest, std = np.mean(left, axis=0)
-    published = printed().table_9.tracker_mm
+    published = paper_numbers().table_9.tracker_mm
     assert mean == pytest.approx(published[0], rel=0.1)  # 150 of the 500 poses
     assert published[1] < largest < 1.4 * published[1]  # 0.696 of 0.539 mm at all 500: gears that err in few places
     assert published[2] < std < 1.5 * published[2]

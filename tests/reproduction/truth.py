@@ -4,7 +4,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.reproduction.published import published
+from planner.reproduction.published import paper_numbers
 from tests.simulation.generator.kinds import Effect
 from tests.simulation.generator.truth import Noise, Truth
 
@@ -23,8 +23,8 @@ JOINT_RAD = 1.3e-5  # 0.03 mm (three sigma) at the tool
 
 def errors():
     """Geometric errors [m, rad] by the names of the rows."""
-    angles = {name: float(np.radians(v)) for name, v in published().table_8.deg.items()}
-    return MappingProxyType({**angles, **{name: v / 1e3 for name, v in published().table_8.mm.items()}})
+    angles = {name: float(np.radians(v)) for name, v in paper_numbers().table_8.deg.items()}
+    return MappingProxyType({**angles, **{name: v / 1e3 for name, v in paper_numbers().table_8.mm.items()}})
 
 
 def compliances():
@@ -34,7 +34,7 @@ def compliances():
 
 def signed_compliances():
     """Compliance of each joint as the paper states it [deg/Nm]."""
-    return {int(name.removeprefix("compliance")): value for name, value in published().table_8.deg_Nm.items()}
+    return {int(name.removeprefix("compliance")): value for name, value in paper_numbers().table_8.deg_Nm.items()}
 
 
 def hidden(size=1.0, seed=0):
