@@ -307,16 +307,6 @@ class Bouts:
                 out[id(block)] = max(kept.log_odds, out.get(id(block), -np.inf))
         return out
 
-    def log_odds(self, state: Sequence[Part]) -> float:
-        """Return the logarithm of a state's probability over that of the one in which nothing acts."""
-        if not state:
-            return 0.0
-        columns, size = sizes_of(state)
-        root = np.linalg.cholesky(np.eye(len(columns)) + size[:, None] * self.gram[np.ix_(columns, columns)] * size)
-        along = solve_triangular(root, size * self.gram[columns, -1], lower=True)
-        prior = sum(b.log_odds(s) for b, s in state)
-        return float(prior + 0.5 * along @ along - np.log(np.diag(root)).sum())
-
 
 def _best_factor(beside: Beside, block: Block) -> float:
     return float(block.factors[int(np.argmax(beside.gains(block)))])
