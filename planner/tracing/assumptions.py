@@ -6,9 +6,7 @@ from planner.design.assumptions import ALIKE_SHARE
 PARAMETER_COST = 7.0  # [noise variances] a parameter must explain beyond chance, about the log of a run's length
 CHANCE_COST = 2.0  # [noise variances] that a parameter explains by chance
 LEAST_GAIN = 0.02  # of the squared error, 1 % of the error, that an effect must take away to be worth a name
-LEAST_SIGMAS = 3.0  # standard deviations that an effect's size must be above zero
 DETERMINED_VARIANCE = 0.5  # of a direction's prior variance that the readings leave: below, they decide it
-MOST_WALD_PARAMETERS = 8  # above, an effect is a curve: some of its waves are always faint
 SWAP_EVIDENCE = 4.0  # [-2 ln L] fall of the evidence for which an effect is swapped
 COMPLIANCE_EVIDENCE = 20.0  # the same for a joint's compliance: every arm has it, it is the likelier cause beforehand
 COMPLIANCE_SHARE = 0.95  # of what an effect like compliance explains that makes plain compliance the likelier cause

@@ -1,4 +1,4 @@
-"""The search: add the effect that explains most while held-out samples gain, then correct early choices.
+"""The search: add the effect that explains most while the run is likelier with it, then correct early choices.
 
 Forward steps, each with backward pruning; when no step is left, effects are swapped for others that the run is
 likelier under; and at the very end corrections without a name are tried.
@@ -27,7 +27,7 @@ from planner.tracing.candidate_ranking import rank_candidates
 from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
 from planner.tracing.effect_scores import EffectScore, ScoreTest
 from planner.tracing.search_context import SearchContext, without_effects
-from planner.tracing.significance import LOG_SIGNIFICANCE, gain_reason, held_out_gain, rejection_reason
+from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, rejection_reason
 from planner.tracing.state import SETTLED_SIGMAS, FittedEffect, SearchState, number_repeat
 from planner.tracing.transmission_error import all_gear_curves, effects_beside_curve, likeliest_curve
 
@@ -37,17 +37,13 @@ Trial = tuple[FittedEffect, ...]
 def best_step(
     context: SearchContext, state: SearchState, test: ScoreTest, likely: list[EffectScore]
 ) -> SearchState | None:
-    """Refit the likely candidates, similar ones side by side, and return the first kind that holds.
-
-    Those of which held-out samples would gain far too little to first order are not refitted.
-    """
-    doubtful = list[SearchState | Trial]()
+    """Refit the likely candidates, similar ones side by side, and return the first kind that holds."""
+    doubtful = list[SearchState]()
     while likely:
-        near = [c for c in likely if c.gain > SWAPPED_GAIN_SHARE * likely[0].gain][
-            :4
-        ]  # candidates are refitted side by side
+        # 4: candidates are refitted side by side
+        near = [c for c in likely if c.gain > SWAPPED_GAIN_SHARE * likely[0].gain][:4]
         likely = [c for c in likely if all(c is not n for n in near)]
-        worth, faint = _split_by_prediction(context, state, [_with_candidate(test, c, state.effects) for c in near])
+        worth = [_with_candidate(test, c, state.effects) for c in near]
         trials = _refit_candidates(context, state, [*worth, *_curve_trials(context, state, test, near)])
         kept = [t for t in trials if _holds(context, state, t)]
         for t in trials:  # its columns are computed anew where they are looked at again: of a long run they are large
@@ -55,26 +51,8 @@ def best_step(
         if kept:
             return context.choose_likeliest(kept, at=kept[0])
         context.rejected.add_shares(near, test.scatter)
-        doubtful += [*trials, *faint]
+        doubtful += trials
     return next((s for t in doubtful if (s := _add_pair(context, state, t)) is not None), None)
-
-
-def _split_by_prediction(
-    context: SearchContext, state: SearchState, trials: list[Trial]
-) -> tuple[list[Trial], list[Trial]]:
-    """Return the trials that are worth a refit, and of the others those whose effect a second one may bear out."""
-    most = 2.0  # times the held-out gain predicted to first order that a refit may have: 1.4 was seen
-    worth, faint = list[Trial](), list[Trial]()
-    for trial in trials:
-        added = trial[-1]
-        predicted = None if added.has(Role.COMPLIANCE) else context.predict_gain(state, added)
-        if predicted is None or gain_reason(most * predicted[0], predicted[1]) is None:
-            worth.append(trial)
-            continue
-        context.rejected.why[added.name] = gain_reason(*predicted) or ""
-        if added.has(Role.REPEATABLE) and most * predicted[0] > predicted[1]:
-            faint.append(trial)
-    return worth, faint
 
 
 def _holds(context: SearchContext, state: SearchState, trial: SearchState) -> bool:
@@ -183,15 +161,12 @@ def _with_curve(state: SearchState, test: ScoreTest, joint: int, kept: Trial) ->
     return (*kept, FittedEffect(likeliest_curve(without_effects(test, gone) if gone else test, joint)))
 
 
-def _add_pair(context: SearchContext, state: SearchState, trial: SearchState | Trial) -> SearchState | None:
+def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) -> SearchState | None:
     """Add an effect together with a second of its kind at its place, where one alone leaves too much to be sure of it.
 
     An arm that warms up in two ways leaves, less one of them, a residual so slow that neither would be believed.
     """
-    fitted = trial if isinstance(trial, SearchState) else context.try_refit(state, trial)
-    if fitted is None:
-        return None
-    trial, first = fitted, fitted.effects[-1]
+    first = trial.effects[-1]
     if not first.has(Role.REPEATABLE) or len(trial.effects) == len(state.effects):
         return None
     fall, error = held_out_gain(state, trial, context.fit_context)

@@ -11,12 +11,10 @@ from planner.common.system import give_back_memory
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import SLIP, Steppable
-from planner.identification.stages import FitContext, error_reduction
-from planner.identification.wild_rows import unseen_weights
+from planner.identification.stages import FitContext
 from planner.tracing.assumptions import RETRY_RATIO
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.effect_scores import EffectScore, ScoreTest
-from planner.tracing.held_out_prediction import HeldOutPredictor
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
 from planner.tracing.state import FittedEffect, SearchState
 
@@ -60,7 +58,6 @@ class SearchContext:
     excluded: set[str] = field(default_factory=set)
 
     _tests: dict[int, tuple[SearchState, ScoreTest]] = field(default_factory=dict)
-    _predictors: dict[int, HeldOutPredictor] = field(default_factory=dict)
 
     @property
     def tried_number(self) -> int:
@@ -83,7 +80,6 @@ class SearchContext:
 
     def _forget_before(self, state: SearchState) -> None:
         """Let go of what states before were linearised about, and of the basis functions of what was tried."""
-        self._predictors.clear()
         for before, _ in self._tests.values():
             before.fit.problem.memory.linear = None
         self.fit_context.forget_values(state.fit.model)
@@ -92,24 +88,6 @@ class SearchContext:
     def score_test_without(self, state: SearchState, found: FittedEffect) -> ScoreTest:
         """The same of the model less one effect; it is not kept: what may step makes it large."""
         return without_effects(self.score_test(state), [found])
-
-    def predict_gain(self, state: SearchState, added: FittedEffect) -> tuple[float, float] | None:
-        """Predict the held-out gain of a further effect and its standard error, noise and nonlinear values as they are.
-
-        ``None`` where not all samples that are judged are fitted, or where rows that count for little may be what the
-        effect explains. What the state's folds share is kept with its test.
-        """
-        split = self.fit_context.split
-        in_full = state.fit.count_in_full() is state.fit
-        if len(state.fit.problem) != len(split.fold) or (added.has(Role.CHANGE) and not in_full):
-            return None
-        self.score_test(state)
-        if id(state) not in self._predictors:
-            self._predictors[id(state)] = HeldOutPredictor.of(state.fit, split)
-        after = self._predictors[id(state)].residual_with(added.parameters)
-        white = state.fit.problem.whitener.white(slice(None), after[..., None])[..., 0]
-        weight = np.maximum(state.stage.weight, unseen_weights(white))
-        return error_reduction(state.stage.held_residual, after, split, weight)
 
     def evidence_fall(self, before: SearchState, after: SearchState, at: SearchState | None = None) -> float:
         """By how much minus twice the logarithm of the likelihood falls, with the correlation time of a state.

@@ -15,7 +15,7 @@ from planner.identification.cross_validation import predict_held_out, predict_he
 from planner.identification.problem import LinearPiece
 from planner.identification.stages import FitContext, comparison_weight, error_reduction
 from planner.model.identification_document import Metrics
-from planner.tracing.assumptions import DETERMINED_VARIANCE, LEAST_GAIN, LEAST_SIGMAS, MOST_WALD_PARAMETERS
+from planner.tracing.assumptions import DETERMINED_VARIANCE
 from planner.tracing.effect_scores import log_exceedance
 from planner.tracing.state import FittedEffect, SearchState
 
@@ -85,29 +85,22 @@ def _own_column(state: SearchState, found: FittedEffect, piece: LinearPiece) -> 
 
 
 def rejection_reason(before: SearchState, after: SearchState, fit_context: FitContext, tried: int) -> str | None:
-    """Return why the last effect of ``after`` is not kept, ``None`` if it is."""
+    """Return why the last effect of ``after`` is not kept, ``None`` if it is.
+
+    The run must be likelier with it, its parameters averaged over, by more than the best of all that were tried would
+    be by chance. A wrong row explains nothing but itself, and must be many standard deviations off.
+    """
     found = after.effects[-1]
-    # no other row tells of a wrong one; it explains nothing but itself, and is many standard deviations off
-    reason = None if found.effect.kind == SLIP else gain_reason(*held_out_gain(before, after, fit_context))
-    if reason is not None:
-        return reason
     size = float(np.linalg.norm(after.sizes(found)))
     if size > found.effect.largest:
         return implausible_text(found.effect, size)
-    inflation = variance_inflation(after, found)
-    few = len(after.positions(found)) <= MOST_WALD_PARAMETERS
-    if few and wald_statistic(after, found)[0] / inflation < LEAST_SIGMAS**2:
-        return "its size is not determined once everything is refitted"
-    if wald_log_p(after, found, tried, inflation) > LOG_SIGNIFICANCE:
-        return "it is no larger than chance would have it among so many"
-    return None
-
-
-def gain_reason(fall: float, error: float) -> str | None:
-    """Return why so large a fall of the held-out squared error, with its standard error, is not enough, if so."""
-    if fall <= error:
-        return "held-out samples gain no more than chance"
-    return f"held-out errors fall by {fall / 2:.1%} only" if fall < LEAST_GAIN else None
+    if found.effect.kind == SLIP:
+        surely = wald_log_p(after, found, tried) <= LOG_SIGNIFICANCE
+    else:
+        time = screening_correlation_time(before, fit_context.run.continuous)
+        least = 2.0 * (float(np.log(max(tried, found.effect.scanned))) - LOG_SIGNIFICANCE)
+        surely = before.evidence(time) - after.evidence(time) > least
+    return None if surely else "the run is no likelier with it than chance would have it among so many"
 
 
 def held_out_gain(before: SearchState, after: SearchState, fit_context: FitContext) -> tuple[float, float]:

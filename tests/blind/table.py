@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.blind.trial import Outcome
 
-WRONG = ("held-out samples gain no more than chance",)
+WRONG = ("the run is no likelier with it than chance would have it among so many",)
 
 
 def table(outcomes: Sequence[Outcome]) -> Iterator[str]:
