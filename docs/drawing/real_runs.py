@@ -93,7 +93,8 @@ def released_panda() -> dict[str, float]:
     with TemporaryDirectory() as folder:
         found.write_robot(Path(folder))
         p, R = CalibratedRobot(load_robot(str(Path(folder) / "robot.toml"))).flange(others.samples.q)
-    off = _off_sockets(p + R @ found.calibration.released.tool_point, others)
+    (p_FM,) = found.calibration.released.tool_points.values()
+    off = _off_sockets(p + R @ p_FM, others)
     return _stated(found.calibration) | {"other_placements_mean_mm": float(off.mean()) / MM}
 
 
