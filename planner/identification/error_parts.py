@@ -25,7 +25,7 @@ def error_parts(released: ReleasedRobot) -> ErrorParts:
     here = {name: k for k, name in enumerate(known.fit.model.names)}
     at = [k for k, name in enumerate(tool.names) if name in here]
     which, weight = [here[tool.names[k]] for k in at], tool.gram[np.ix_(at, at)] / len(tool.q)
-    most = released.most_drawn
+    most = released.usual_robots
     off = (known.drawn - known.fit.errors[:, None])[which][:, most]
     of_noise = known.of_noise[which][:, most]
     unnamed = _has_no_name([known.fit.model.names[k] for k in which])

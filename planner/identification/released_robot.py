@@ -263,7 +263,7 @@ class ReleasedRobot:
         return float(np.sqrt(np.mean([self.likely_workspace_error(self.fit, t) ** 2 for t in self.other_tools])))
 
     @cached_property
-    def most_drawn(self) -> np.ndarray:
+    def usual_robots(self) -> np.ndarray:
         """Which of the drawn robots are none of the tenth that errs most, (n,) bool.
 
         Few robots have much of what no pose has shown: they would make up most of a mean square, and are no measure of
@@ -274,7 +274,7 @@ class ReleasedRobot:
 
     def spread(self, names: Sequence[str]) -> Array:
         """Return a square root (K, k) of the covariance of parameters ``names`` over most of the drawn robots."""
-        off = self.drawn_offsets[:, self.most_drawn]
+        off = self.drawn_offsets[:, self.usual_robots]
         return pick_rows(off / np.sqrt(off.shape[1]), self.posterior.fit.model.names, names)
 
     def offset(self, names: Sequence[str], fit: Fit | None) -> Array:

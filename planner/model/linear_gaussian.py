@@ -117,7 +117,7 @@ class LinearGaussian:
     def variance(self) -> Array:
         """Return the variance of all parameters after the readings, (P,)."""
         shown = np.einsum("nj,nj->j", self.white, self.inverse @ self.white)
-        return np.maximum(self.prior**2 - self.prior**4 * shown, 0.0)
+        return np.asarray(np.maximum(self.prior**2 - self.prior**4 * shown, 0.0))
 
     def marginal(self, y: Array, which: np.ndarray | slice = EVERY) -> Normal:
         """Return what readings y (n,) say of parameters ``which`` (k,) int, of all if not given."""

@@ -26,7 +26,7 @@ def model_numbers() -> dict[str, Any]:
     cell = load_cell(CELL)
     samples = Samples.at(uniform_states(cell, 2000, 0), cell.mountings[0])
     model = Model.from_cell(cell)
-    seen, printed = _find_seen(cell, samples), _make_printed_cell(cell)
+    seen, printed = _identify_parameters(cell, samples), _make_printed_cell(cell)
     everything = Model.from_cell(cell, frozenset({"fixture", "tool"}))
     all_seen = find_identifiable(everything.rows(samples), everything.names)
     rows = model.rows(samples.take(np.arange(35)))
@@ -38,7 +38,7 @@ def model_numbers() -> dict[str, Any]:
         "rank_all": all_seen.rank,
         "dropped_all": ", ".join(d.name for d in all_seen.dropped),
         "dropped": ", ".join(d.name for d in seen.dropped),
-        "rank_printed": _find_seen(printed, samples).rank,
+        "rank_printed": _identify_parameters(printed, samples).rank,
         "reach_used_mm": _wrist_reach(cell, paper_numbers().table_1.used_alpha_deg),
         "reach_printed_mm": _wrist_reach(cell, paper_numbers().table_1.printed_alpha_deg),
         "length_difference_m": _length_difference(cell, model, samples),
@@ -49,7 +49,7 @@ def model_numbers() -> dict[str, Any]:
     }
 
 
-def _find_seen(cell: Cell, samples: Samples) -> Identifiability:
+def _identify_parameters(cell: Cell, samples: Samples) -> Identifiability:
     model = Model.from_cell(cell)
     return find_identifiable(model.rows(samples), model.names)
 
