@@ -1,6 +1,7 @@
 """The notebook from the question to the figure: own table, gauge, effect, poses, a sweep with error bars, and a PDF."""
 
 from pathlib import Path
+from typing import Any
 
 import nbformat
 import numpy as np
@@ -33,7 +34,7 @@ def test_the_notebook_runs_each_definition_twice_and_ends_in_a_figure(tmp_path, 
     monkeypatch.chdir(tmp_path)
     book = nbformat.read(BOOK, as_version=4)
     assert not any(c.get("outputs") for c in book.cells)  # what is shown is made anew
-    made = {"__name__": "notebook"}
+    made: dict[str, Any] = {"__name__": "notebook"}
     for cell in (c for c in book.cells if c.cell_type == "code"):
         text = cell.source.replace('"poses": [40, 80]', '"poses": [40]').replace("[20, 60, 200]", "[20, 200]")
         for _ in range(2 if "register" in text else 1):

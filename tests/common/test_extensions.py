@@ -81,4 +81,4 @@ def test_who_takes_a_shipped_name_is_told_at_once(text, said):
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
     assert done.returncode == 1
-    assert done.screen.splitlines()[-1] == said
+    assert done.stderr.splitlines()[-1] == said

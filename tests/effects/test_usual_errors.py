@@ -63,7 +63,7 @@ def test_a_base_that_tips_with_the_reach_is_of_the_family(setup):
         left = wanted - columns @ np.linalg.lstsq(columns, wanted, rcond=None)[0]
         assert np.abs(left).max() < 1e-9
         usual = sum((p.prior * run.values(p.main_move.phi)) ** 2 for p in own if p.main_move.index == move.index)
-        assert 0.3 * BASE_TURN.usual < np.sqrt(usual.max()) < 2 * BASE_TURN.usual
+        assert 0.3 * BASE_TURN.usual < np.sqrt(np.max(usual)) < 2 * BASE_TURN.usual
 
 
 @pytest.mark.parametrize("kind", [BASE_BY_PLACE, LOST_MOTION_OF, BEYOND_LOADS])
@@ -86,9 +86,11 @@ def test_loads_that_no_pose_has_shown_leave_no_trace_in_the_run_and_move_the_too
     above, below = dict(usual_errors(seen))[f"{BEYOND_LOADS}3"]
     for p in (above, below):
         assert np.abs(seen.values(p.main_move.phi)).max() == pytest.approx(0.0, abs=1e-6)
-    there = anywhere.values(below.main_move.phi)
+    phi = below.main_move.phi
+    assert isinstance(phi, LoadBeyond)
+    there = anywhere.values(phi)
     assert there.max() > 0.9
-    assert (there[anywhere.context.load_torque[:, 2] >= below.main_move.phi.end] == 0.0).all()
+    assert (there[anywhere.context.load_torque[:, 2] >= phi.end] == 0.0).all()
 
 
 def test_lost_motion_seen_to_one_side_is_a_zero_of_the_joint_and_stays_open_to_the_other(setup):

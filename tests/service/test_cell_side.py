@@ -60,7 +60,7 @@ class Service:
     def begin(self):
         command = ["-m", "planner.cli", "serve", "--port", self.port, "--data", self.folder, *self.words]
         self.process = subprocess.Popen([sys.executable, *map(str, command)], stderr=subprocess.PIPE, text=True)
-        while "serving at" not in (line := self.process.screen.readline()):
+        while "serving at" not in (line := self.process.stderr.readline()):
             assert line
         return self
 

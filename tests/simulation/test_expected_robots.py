@@ -15,8 +15,9 @@ from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_expected_truth, read_truth
 from planner.model.tool_error import tool_setup, uniform_states
 from planner.runs.run import Samples
+from planner.session.plan_types import Plan
 from planner.workflow.identification import identify
-from planner.workflow.plan_results import SimulationResult
+from planner.workflow.plan_results import SessionResult, SimulationResult
 from planner.workflow.plan_use import simulate
 from planner.workflow.planning import plan
 from tests.identification.few_draws import few_draws
@@ -81,7 +82,10 @@ def test_a_trial_ends_within_what_its_plan_said_in_90_of_100():
     within = []
     for name in CELLS:
         planned = plan(name, poses=80)
+        assert isinstance(planned, SessionResult)
+        assert isinstance(planned.plan, Plan)
         expected = planned.plan.expected_error
+        assert expected is not None
         for seed in SEEDS:
             run = simulate(planned, seed=seed).run
             with few_draws():

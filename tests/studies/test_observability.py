@@ -44,7 +44,7 @@ def near_home(cell, count=40, seed=0):
 def test_the_numbers_are_those_of_numpy(name):
     cell = load_cell(name)
     seen = observability(cell, near_home(cell))
-    kept = [seen.names.index(p.name) for p in seen.kept]
+    kept = [seen.names.index(p.name) for p in seen.seen_parameters]
     tall = seen.jacobian.reshape(-1, len(seen.names))
     prior = np.array([p.prior for p in seen.model.parameters])
     np.testing.assert_allclose(

@@ -208,7 +208,7 @@ def test_without_opencv_the_remedy_is_named(tmp_path):
     )
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), os.getcwd()])}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
-    assert "pip install 'edbb-planner[camera]'" in done.screen
+    assert "pip install 'edbb-planner[camera]'" in done.stderr
 
 
 @pytest.mark.long

@@ -7,7 +7,7 @@ from scipy.optimize import curve_fit
 import tests.instruments.loaded.shared as shared
 import tests.instruments.loaded.world as world
 from planner.instruments.loaded.equilibrium import centring_offset
-from tests.instruments.loaded.reproduction import paper_offset
+from planner.reproduction.loaded_bar import fit_sine
 
 THETA = (np.arange(360) + 0.5) * 2 * np.pi / 360
 PUBLISHED = (0.764e-3, 0.933, np.radians(14.08))
@@ -19,7 +19,7 @@ def paper(theta, a, b, phi):
 
 def test_the_papers_numbers_come_back():
     y = paper(THETA, *PUBLISHED) + 2e-5 * np.cos(3 * THETA)
-    found = paper_offset(THETA, y)
+    found = fit_sine(THETA, y)
     known, _ = curve_fit(paper, THETA, y, p0=(0.8e-3, 1.0, np.radians(22.5)), xtol=1e-14, ftol=1e-14)
     assert found[:3] == pytest.approx(tuple(known), rel=1e-4)
     assert found[0] == pytest.approx(PUBLISHED[0], rel=0.02)
@@ -31,7 +31,7 @@ def test_bad_guesses_lead_the_papers_form_astray_but_not_ours():
     for _ in range(20):
         truth = (rng.uniform(0.2, 2.0) * 1e-3, rng.uniform(0.85, 1.15), rng.uniform(-np.pi, np.pi))
         y = paper(THETA, *truth) + 2e-5 * np.cos(3 * THETA + 1) + rng.normal(0, 2e-6, 360)
-        amplitude, _, _, least = paper_offset(THETA, y)
+        amplitude, _, _, least = fit_sine(THETA, y)
         assert least < 1.02 * np.std(y - paper(THETA, *truth)) + 1e-9
         assert amplitude == pytest.approx(truth[0], rel=0.15)
         guess = (rng.uniform(0, 5) * 1e-3, rng.uniform(0.3, 2.8), rng.uniform(-np.pi, np.pi))
