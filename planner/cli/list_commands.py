@@ -90,7 +90,7 @@ def _check_name(asked: str, is_found: bool, known: list[str]) -> None:
     """
     if asked.lower().endswith(".csv"):
         raise InputError(
-            f"a table becomes a robot.toml in a folder: edbb robots {as_word(asked)} -o {Path(asked).stem}"
+            f"a table becomes a robot.toml in a folder: edbb robots {as_word(asked)} -o {as_word(Path(asked).stem)}"
         )
     if not is_found:
         raise InputError(

@@ -119,7 +119,7 @@ def test_frames_that_are_not_said_name_the_options(kuka, tmp_path):
     robot, real = kuka
     text = re.sub(r"\$(TOOL|BASE)=.*\n", "", krl(robot, regular_angles(robot, 1, seed=7)))
     (tmp_path / "p.src").write_text(text)
-    with pytest.raises(InputError, match=r"\(--frames\), or name them yourself \(--tool, --base\)"):
+    with pytest.raises(InputError, match=r"\(--frames\)\. .* name them yourself \(--tool, --base\)"):
         compensate_file(tmp_path / "p.src", robot, real)
     done = compensate_file(tmp_path / "p.src", robot, real, frames=ToolAndBase(matrix(TOOL), matrix(BASE)))
     assert done.report.poses == 1

@@ -61,8 +61,8 @@ def made(tmp_path_factory):
     code, _, told = edbb("simulate", plan, "-o", folder / "run.csv", "--truth", truth_file(folder, TRUTH))
     assert code == 0, told
     with few_draws():
-        code, _, told = edbb("identify", folder / "run.csv", *_cell(folder), "-o", folder / "out", "--no-trace")
-    assert code == 0, told
+        code, told, notes = edbb("identify", folder / "run.csv", *_cell(folder), "-o", folder / "out", "--no-trace")
+    assert code == 0, notes
     (folder / "screen.txt").write_text(told)
     return folder
 
@@ -165,7 +165,7 @@ def test_a_program_is_corrected(identified):
     assert code == 2
     assert "part.src:5" in told or "line 5" in told  # a pose without tool and base
     assert not (identified / "new.src").exists()
-    code, _, told = edbb("compensate", identified / "part.src", *model, "-o", identified / "new.src")
+    code, told, _ = edbb("compensate", identified / "part.src", *model, "-o", identified / "new.src")
     assert code == 5
     assert "part.src:5" in told or "line 5" in told
     corrected = (identified / "new.src").read_text().splitlines()
