@@ -47,9 +47,9 @@ def _parameters_of(released: ReleasedRobot) -> dict[str, list[str]]:
 def _base_words(released: ReleasedRobot) -> tuple[str, str]:
     gauge = released.fit.setup.gauge
     side = "on another side of the base"
-    if gauge.is_attached:
+    if gauge.width == 1:  # a length to a fixture
         cure = f"poses about a second fixture {side}"
-    elif gauge.width > 1 and gauge.at_balls:
+    elif gauge.at_balls:
         cure = f"the balls once more {side}"
     else:
         cure = "poses near and far on all sides of the base"

@@ -102,8 +102,8 @@ def test_bad_settings(cell, tmp_path, text, says):
         invoked(*words(made, tmp_path, "--settings", tmp_path / "bad.toml"))
 
 
-def test_a_session_needs_robot_indicators_and_output(cell):
-    with pytest.raises(InputError, match="needs --robot, --indicators and -o"):
+def test_a_session_needs_robot_and_indicators(cell):
+    with pytest.raises(InputError, match="needs --robot and --indicators"):
         invoked("centre", cell(count=1).plan)
 
 
