@@ -37,7 +37,7 @@ def fitted(tmp_path_factory):
 
 
 def refused(fitted, why, worse):
-    update = {"problems": (why,), "worse_than_nominal": why if worse else None}
+    update = {"problems": (why,), "worse_than_nominal": why if worse else None, "summary": None}
     return dataclasses.replace(fitted, calibration=fitted.calibration.model_copy(update=update))
 
 
