@@ -268,10 +268,10 @@ def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
         InputError: the cell declares an effect that these poses do not show.
     """
     base = planned_model(cell, samples)
-    gears = [p for gear in _expected_gears(cell, base.setup) for p in gear.parameters]
+    gears = [p for gear in _expected_gears(cell, base.setup) for p in gear.make()]
     declared = set(base.names)
     soft = compliance_parameters(base.setup) if base.setup.weighs else []
-    usual = [p for family in _expected_usual(cell, base.setup, samples) for p in family.parameters]
+    usual = [p for family in _expected_usual(cell, base.setup, samples) for p in family.make()]
     model = base.plus([*gears, *(p for p in soft if p.name not in declared), *usual])
     prior = np.where(np.isfinite(model.prior), model.prior, UNKNOWN_PRIOR)
     effects = [p for p in model.parameters if p.is_effect]

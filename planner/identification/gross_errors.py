@@ -176,7 +176,7 @@ def _of_geometry(R: Array, own: np.ndarray) -> Array:
     others = np.flatnonzero(~own)
     order = [*others, *np.flatnonzero(own), len(own), len(own) + 1]
     stacked = np.vstack([R[:, order], np.eye(len(others), len(order))])
-    return np.asarray(np.linalg.qr(stacked, mode="r")[len(others) :, len(others) :])
+    return np.asarray(np.asarray(np.linalg.qr(stacked, mode="r"))[len(others) :, len(others) :])
 
 
 def _solve(R: Array, sizes: Array) -> tuple[Array, Array, Array]:
@@ -189,7 +189,7 @@ def _solve(R: Array, sizes: Array) -> tuple[Array, Array, Array]:
     K, P = sizes.shape
     below = np.broadcast_to(np.eye(P, P + 1), (K, P, P + 1))  # the prior's rows
     scaled = R * np.column_stack([sizes, np.ones(K)])[:, None]
-    T = np.linalg.qr(np.concatenate([scaled, below], axis=1), mode="r")
+    T = np.asarray(np.linalg.qr(np.concatenate([scaled, below], axis=1), mode="r"))
     inverse = np.linalg.inv(T[:, :P, :P])
     mean, std = (inverse @ T[:, :P, P:])[..., 0], np.sqrt((inverse**2).sum(axis=2))
     evidence = -0.5 * T[:, P, P] ** 2 - np.log(np.abs(np.diagonal(T[:, :P, :P], axis1=1, axis2=2))).sum(axis=1)

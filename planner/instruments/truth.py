@@ -254,7 +254,7 @@ def draw_truth(cell: Cell, seed: int, more: Sequence[Effect] = ()) -> Truth:
     :mod:`planner.instruments.set_up`.
     """
     plain = _truth_model(cell)
-    model = plain.plus([p for effect in more for p in effect.parameters])
+    model = plain.plus([p for effect in more for p in effect.make()])
     drawn = [np.random.default_rng([seed, crc32(name.encode())]).standard_normal() for name in model.names]
     sizes = np.array(drawn) * set_up_sizes(cell, model)
     gives = np.array([is_joint_compliance(p) for p in model.parameters])
@@ -264,7 +264,7 @@ def draw_truth(cell: Cell, seed: int, more: Sequence[Effect] = ()) -> Truth:
     errors = place_fixtures_by_robot(cell, model, errors)
     own = len(plain.parameters)
     short = [_round_value(p, float(v)) for p, v in zip(plain.parameters, errors[:own], strict=True)]
-    ends = own + np.cumsum([len(effect.parameters) for effect in more], dtype=int)
+    ends = own + np.cumsum(np.array([len(effect.make()) for effect in more], dtype=int))
     values = np.split(errors[own:], ends[:-1] - own)
     effects = tuple(_drawn_effect(e, v) for e, v in zip(more, values, strict=False))
     return Truth(plain, read_only(short), effects, bound)
@@ -274,7 +274,7 @@ def _drawn_effect(effect: Effect, values: Array) -> TrueEffect:
     """Return an effect with these values [rad], as a line of ``TRUTH.toml`` writes them."""
     short = tuple(round(float(v) / 1e-6, 4) for v in values)  # [µrad]
     file = TruthEffectFile(kind=effect.kind, on=str(effect.place), value=short, unit="urad")
-    return TrueEffect(effect.parameters, tuple(v * 1e-6 for v in short), _describe_effect(effect, file))
+    return TrueEffect(effect.make(), tuple(v * 1e-6 for v in short), _describe_effect(effect, file))
 
 
 def _truth_model(cell: Cell) -> Model:

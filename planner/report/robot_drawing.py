@@ -5,8 +5,7 @@ from itertools import pairwise, product
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from planner.common.arrays import Array
-from planner.common.units import to_deg, to_mm
+from planner.common.units import Array, to_deg, to_mm
 from planner.kinematics.robot import Robot
 from planner.report.cell_view import body_mesh
 

@@ -17,7 +17,8 @@ from planner.design.free_parameters import preference_order
 from planner.design.observability.identifiability import find_identifiable
 from planner.effects.compliance import compliance_parameters
 from planner.identification.calibrated_robot import calibrated_files
-from planner.identification.pipeline import FitSettings, Tracer, identify
+from planner.identification.pipeline import FitSettings, identify
+from planner.identification.stages import Tracer
 from planner.instruments.simulation import SimulatedRun, simulate_run
 from planner.instruments.truth import read_truth
 from planner.instruments.validation import validate_robot

@@ -71,7 +71,7 @@ def test_beyond_this_machine_nothing_goes_without_keys(address, tmp_path):
         connect(address, None, "--scheduler", 1.0, "x")
     done = edbb("serve", "--cluster", address, "--cluster-url", "https://edbb.plant", "--data", tmp_path / "d")
     assert done.returncode == 2
-    assert "needs TLS" in done.screen
+    assert "needs TLS" in (done.stdout + done.stderr)
 
 
 @pytest.mark.parametrize("address", NEAR)
@@ -139,9 +139,9 @@ def test_keys_let_in_and_pickles_stay_unread(tmp_path):
 
         until = time.monotonic() + 60
         done = run(script, address, keys, tmp_path / "owned")
-        while "nobody answers" in done.screen and time.monotonic() < until:
+        while "nobody answers" in (done.stdout + done.stderr) and time.monotonic() < until:
             done = run(script, address, keys, tmp_path / "owned")
-        assert "data alone" in done.stdout, done.screen[-3000:] + Path(log.name).read_text()[-3000:]
+        assert "data alone" in done.stdout, (done.stdout + done.stderr)[-3000:] + Path(log.name).read_text()[-3000:]
         assert not (tmp_path / "owned").exists()
         ports = [port, *re.findall(r"Start worker at: +tls://127\.0\.0\.1:(\d+)", Path(log.name).read_text())]
         assert len(ports) == 2

@@ -42,7 +42,7 @@ def test_a_damaged_file_that_is_sent_again_heals_its_job(tmp_path):
         job = done_in(store)
         assert (job.state, job.exit_code) == ("failed", None)
         assert "a.txt" in job.problem.detail
-        assert "send it again" in job.problem.detail
+        assert "end it again" in job.problem.detail
         store.files.add(b"whole")
     store = Store(tmp_path)
     store.jobs.submit(JOB, "plan", "cheap", "{}", command)

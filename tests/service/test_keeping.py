@@ -231,7 +231,7 @@ def test_the_commands_copy_and_bring_back(plant, tmp_path):
     plant.run("a", outputs=[("plan.json", b"plan")])
     copy, again = tmp_path / "copy", tmp_path / "again"
     done = edbb("serve", "backup", copy, "--data", plant.folder)
-    assert (done.returncode, "1 jobs, 1 files" in done.stderr) == (0, True), done.stderr
+    assert (done.returncode, "1 jobs, 1 files" in done.screen) == (0, True), done.screen
     assert edbb("serve", "restore", copy, "--data", again).returncode == 0
     assert Plant(again).ids() == {"a"}
     refused = edbb("serve", "restore", copy, "--data", again)
