@@ -25,7 +25,7 @@ DRIVER = "GL Driver Message"  # of the software that stands for a graphics card:
 SETTLED = "async () => { for (let n = 0; n < 4; n++) await new Promise((done) => requestAnimationFrame(done)); }"
 PLACES = '() => [...document.querySelectorAll(".chart, #view")].map((e) => e.id)'
 OPENED = "document.querySelectorAll('details').forEach((d) => { d.open = true; })"
-IN_SPACE = '() => !document.querySelector("#scene") || document.querySelector("#view canvas, #view p")'
+IN_SPACE = '() => !document.querySelector("#view") || document.querySelector("#view canvas, #view p:not(.waiting)")'
 # a chart is drawn where something of its panels has a size; the view in space has a canvas
 EMPTY = """() => [...document.querySelectorAll(".chart, #view")].filter((place) => {
     const marks = [...place.querySelectorAll("svg path:not(.grid), svg g.series, svg image, canvas")];

@@ -30,9 +30,9 @@ def summarize(c: Calibration, tool: ToolName | None = None, minutes_a_pose: floa
         minutes_a_pose: how long a pose of the run took, where that is known.
     """
     r = None if c.reason_not_to_use else c.release
-    own = r is not None and r.work_tool is not None
-    used: ToolName = (tool if tool != "own" or own else None) or ("own" if own else "measured")
     use = None if r is None else _use_of(c)
+    own = use is not None and any(t.tool == "own" for t in use.tools)
+    used: ToolName = (tool if tool != "own" or own else None) or ("own" if own else "measured")
     answer, headline, because = _verdict(c, use, used)
     mine = None if use is None else _of_tool(use, used)
     return CalibrationSummary(

@@ -268,7 +268,7 @@ def test_a_copy_goes_on_where_a_job_is_deleted_meanwhile(plant, tmp_path, monkey
     assert (done.jobs, done.files) == (1, 1)
     assert restore(tmp_path / "copy", tmp_path / "again") == done
     plant.files.path(hashlib.sha256(b"another").hexdigest()).unlink()
-    with pytest.raises(InputError, match="gone from the store"):
+    with pytest.raises(InputError, match="not in the store any more"):
         back_up(plant.folder, tmp_path / "copy 2")
 
 

@@ -82,6 +82,7 @@ def with_traits(result, causes, parts, validated, tools, notes, state):
     changes["release"] = known.model_copy(update=release)
     changes |= {"worse_than_nominal": "WORSE than the nominal robot"} if state == "worse" else {}
     changes |= {"problems": ("the fit got worse",)} if state == "failed" else {}
+    changes["summary"] = None  # is made anew
     return dataclasses.replace(result, calibration=found.model_copy(update=changes))
 
 
