@@ -89,7 +89,7 @@ def test_axes_in_passing_are_logged_or_the_trace_is_named(name):
     told = load_dialect(name).trace in notes
     assert told == (not load_dialect(name).logs_passing)
     if told:
-        assert "recorded with" in " ".join(re.sub(r"[^a-z]+", " ", text).split())
+        assert "record them with" in " ".join(re.sub(r"[^a-z]+", " ", text).split())
     bare = replace(program, instructions=tuple(i for i in program.instructions if not isinstance(i, LogAxes)))
     assert load_dialect(name).trace not in " ".join(program_notes(bare, name))
 
