@@ -10,7 +10,7 @@ The robots drawn are as far from its mean as regions that it did not see say (``
 average over the time of the run; how far it drifts from that meanwhile is an error at any other moment.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -196,12 +196,16 @@ class ReleasedRobot:
         """Return the error over the workspace, rms, that is as likely exceeded as not [m]."""
         return float(np.median(self.drawn_errors(fit, tool)))
 
-    def drawn_errors(self, fit: Fit | None, tool: ToolMap | None = None) -> Array:
-        """Return the error over the workspace, rms, against each robot drawn from the posterior [m], (n,)."""
+    def drawn_errors(self, fit: Fit | None, tool: ToolMap | None = None, without: Collection[str] = ()) -> Array:
+        """Return the error over the workspace, rms, against each robot drawn from the posterior [m], (n,).
+
+        Parameters ``without`` count as known.
+        """
         where = self.tool if tool is None else tool
         known = self.posterior
         here = {name: k for k, name in enumerate(known.fit.model.names)}
-        at = [k for k, n in enumerate(where.names) if n in here and known.drawn[here[n]].any()]
+        moving = {n for n in where.names if n in here and known.drawn[here[n]].any()}.difference(without)
+        at = [k for k, n in enumerate(where.names) if n in moving]
         names = [where.names[k] for k in at]
         off = self.drawn_offsets[[here[n] for n in names]] - self.offset(names, fit)[:, None]
         square = (off * (where.gram[np.ix_(at, at)] @ off)).sum(axis=0)
@@ -240,12 +244,7 @@ class ReleasedRobot:
 
     def limit_without(self, names: Sequence[str]) -> float:
         """Return what it would stay below with a probability of 95 %, were the values of some parameters known [m]."""
-        where, mean = self.tool, self.posterior.fit.model.names
-        off = pick_rows(self.drawn_offsets, mean, where.names) - self.offset(where.names, self.fit)[:, None]
-        off[[n in names for n in where.names]] = 0.0
-        square = np.einsum("pn,pn->n", off, where.gram @ off) / len(where.q)
-        beside = POSITION_AXES * self.misfit.rest**2 + self.drift**2
-        return float(np.sqrt(np.quantile(np.maximum(square, 0.0) + beside, 0.95)))
+        return float(np.quantile(self.drawn_errors(self.fit, without=names), 0.95))
 
     def scatter_by_draws(self, at: float) -> float:
         """Return how far other draws would move a quantile ``at`` of the error, one sigma, as a share of it.
