@@ -18,8 +18,8 @@ sys.dont_write_bytecode = False
 gc.set_threshold(20_000, 20, 50)  # all that is imported here is not looked through for garbage again and again
 
 TOGETHER = (
-    "tests/report", "tests/instruments/circular", "tests/gauges/trical", "tests/studies", "tests/instruments/accuracy",
-    "tests/instruments/loaded",
+    "tests/report", "tests/circular", "tests/gauges/trical", "tests/studies", "tests/accuracy",
+    "tests/loaded",
 )  # fmt: skip
 LONGEST = (  # by default, and of those that are run on demand
     "tests/programs/linuxcnc/test_motion_controller.py",

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import planner
+from docs.rooms_table import PAGE, rooms_table, with_table
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_frames import GaugeFrames
 from planner.cell.gauge_numbers import GaugeNumbers
@@ -23,7 +24,8 @@ ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
 ORDER = [
     "common", "kinematics", "runs", "cell", "effects", "gauges", "model", "motion", "design", "programs", "session",
-    "identification", "tracing", "compensation", "instruments", "report", "studies", "workflow", "reproduction",
+    "identification", "tracing", "compensation", "simulation", "centring", "next_session",
+    "accuracy", "circular", "loaded", "checks", "report", "studies", "workflow", "reproduction",
     "cli", "service", "wings",
 ]  # fmt: skip
 
@@ -77,6 +79,13 @@ def public_modules():
 def test_every_room_has_its_place():
     rooms = {room_of(p) for p in ROOT.rglob("*.py")} - {"__init__", "_data"}
     assert rooms <= set(ORDER), f"rooms without a layer: {rooms - set(ORDER)}"
+
+
+def test_the_table_of_rooms_is_as_it_is_generated():
+    page = PAGE.read_text(encoding="utf-8")
+    assert with_table(page, ORDER) == page, "python -m docs.rooms_table writes it"
+    assert rooms_table(ORDER) in page
+    assert page.count("\n") <= 120, "a page of architecture that is read in ten minutes"
 
 
 def test_imports_point_down():

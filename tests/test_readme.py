@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.centring.settings import read_settings
+from planner.circular.circle import circles_of
 from planner.common.errors import InputError
 from planner.compensation.compensated_file import compensate_file
-from planner.instruments.centring.settings import read_settings
-from planner.instruments.circular.circle import circles_of
-from planner.instruments.truth import read_truth
 from planner.runs.loader import load_run
 from planner.runs.run import Samples
 from planner.runs.traces import import_run
+from planner.simulation.truth import read_truth
 from tests.command import edbb
 from tests.compensation.robots import bent
 

@@ -9,7 +9,7 @@ from planner.report.standby import draw_pictures
 
 PRINTED = (
     "tests/docs/", "tests/report/", "tests/reproduction/", "tests/service/", "tests/studies/",
-    "tests/instruments/circular/test_command.py", "tests/instruments/loaded/test_both.py",
+    "tests/circular/test_command.py", "tests/loaded/test_both.py",
 )  # fmt: skip
 
 

@@ -26,9 +26,9 @@ from planner.common.errors import InputError
 
 if TYPE_CHECKING:
     from planner.cell.cell import Cell
-    from planner.instruments.centring.session import CentringAdviser, CentringSession
-    from planner.instruments.centring.settings import CentringSettings
-    from planner.instruments.centring.stop import StopRequest
+    from planner.centring.session import CentringAdviser, CentringSession
+    from planner.centring.settings import CentringSettings
+    from planner.centring.stop import StopRequest
     from planner.kinematics.robot import Robot
 
 
@@ -86,10 +86,10 @@ def centre_command(
     manner: Manner = PLAINLY,
 ) -> None:
     """Centre the head of three indicators on the balls of a plan, pose by pose, and record the run."""
-    from planner.instruments.centring.robot_link import write_centring_program
-    from planner.instruments.centring.session import open_session
-    from planner.instruments.centring.settings import read_settings
-    from planner.instruments.centring.stop import StopRequest
+    from planner.centring.robot_link import write_centring_program
+    from planner.centring.session import open_session
+    from planner.centring.settings import read_settings
+    from planner.centring.stop import StopRequest
     from planner.kinematics.robot_reader import load_robot
 
     settings = read_settings(settings_file, plan_file.parent / "cell.toml")
@@ -146,9 +146,9 @@ def _centring_adviser(
     plan_file: Path, cell: Cell | None, session: CentringSession, until: float | None, after: Path | None
 ) -> CentringAdviser:
     """Return who advises: nobody where no goal and no earlier session is given."""
+    from planner.centring.session import NoCentringAdvice
     from planner.common.units import from_mm
-    from planner.instruments.centring.session import NoCentringAdvice
-    from planner.instruments.live_advice import CentringAdvice
+    from planner.next_session.live_advice import CentringAdvice
     from planner.session.document import read_plan
 
     if until is None and after is None:
@@ -171,11 +171,11 @@ def _run(
     follow: bool,
     adviser: CentringAdviser,
 ) -> None:
-    from planner.instruments.centring.indicators import open_indicators
-    from planner.instruments.centring.robot_link import DIALECT, open_link
-    from planner.instruments.centring.session import CentringBench, run_session
-    from planner.instruments.centring.settings import find_protocol
-    from planner.instruments.centring.stop import stop_on_signals
+    from planner.centring.indicators import open_indicators
+    from planner.centring.robot_link import DIALECT, open_link
+    from planner.centring.session import CentringBench, run_session
+    from planner.centring.settings import find_protocol
+    from planner.centring.stop import stop_on_signals
 
     with ExitStack() as opened:
         opened.enter_context(stop_on_signals(stop))
@@ -195,11 +195,11 @@ def _simulate(
     seed: int,
     adviser: CentringAdviser,
 ) -> None:
-    from planner.instruments.centring.session import CentringBench, run_session
-    from planner.instruments.centring.simulated import SimulatedArm
-    from planner.instruments.centring.stop import stop_on_signals
-    from planner.instruments.truth import draw_truth
+    from planner.centring.session import CentringBench, run_session
+    from planner.centring.simulated import SimulatedArm
+    from planner.centring.stop import stop_on_signals
     from planner.runs.run import SIMULATED
+    from planner.simulation.truth import draw_truth
 
     truth = draw_truth(cell, seed)
     arm = SimulatedArm(cell, truth, settings, seed)
@@ -241,10 +241,10 @@ def measure_command(
     after: After = None,
 ) -> None:
     """Read a bar or wire at each pose of a plan, by a serial port or by what a person types, and write the run."""
+    from planner.centring.live_gauge import STREAM, LiveGauge, open_log
+    from planner.centring.live_session import Adviser, MeasuringSession, NoAdvice, program_remark
+    from planner.centring.settings import find_protocol
     from planner.common.units import from_mm
-    from planner.instruments.centring.settings import find_protocol
-    from planner.instruments.live_gauge import STREAM, LiveGauge, open_log
-    from planner.instruments.live_session import Adviser, MeasuringSession, NoAdvice, program_remark
     from planner.session.planned_session import load_session
 
     output = output or Path(file_of(".csv")("measure", plan_file))
@@ -259,7 +259,7 @@ def measure_command(
     log = open_log(output, session.document, session.cell)
     adviser: Adviser = NoAdvice()
     if until is not None or after is not None:
-        from planner.instruments.live_advice import LiveAdvice
+        from planner.next_session.live_advice import LiveAdvice
 
         goal = None if until is None else float(from_mm(until))
         advice = LiveAdvice.of(session.document, session.cell, output, goal, after)

@@ -34,8 +34,8 @@ def record_command(
     manner: Manner = PLAINLY,
 ) -> None:
     """Keep the history of one robot: calibrations, validations, checks, and what changed between them."""
+    from planner.checks.record import Circumstances
     from planner.common.schema import validate
-    from planner.instruments.record import Circumstances
 
     said = {
         "date": date or Day.today().isoformat(), "operator": operator, "temperature_degC": temperature, "tool": tool,

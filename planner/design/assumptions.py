@@ -5,7 +5,6 @@ How long and how finely something is searched stands where the search does; it c
 
 # ---- what is assumed of a robot and its gauge before anything is measured
 UNMEASURED_TOOL_PRIOR = 1.0  # [m] prior sigma of a tool point that nobody measured: as good as nothing is known
-UNKNOWN_PRIOR = 1.0  # [m, rad] prior sigma of a parameter of which nothing is known
 HIGHEST_GEAR_WAVE = 15.0  # [waves a turn] most of a gear's transmission error lies below
 UNSAID_PAYLOAD = 5.0  # [kg] where the robot's file does not say what it carries: small arms carry 3 to 10 kg
 SECONDS_BETWEEN_POSES = 10.0  # [s] of travel, about: only the drift of the temperature depends on it

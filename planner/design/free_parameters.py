@@ -9,7 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import UM, Array, to_mm
-from planner.design.assumptions import HIGHEST_GEAR_WAVE, POSES_OF_AN_OPEN_PLAN, UNKNOWN_PRIOR, UNMEASURED_TOOL_PRIOR
+from planner.design.assumptions import HIGHEST_GEAR_WAVE, POSES_OF_AN_OPEN_PLAN, UNMEASURED_TOOL_PRIOR
 from planner.design.expected_errors import EVERYWHERE
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, explain_direction
 from planner.design.observability.information import predict_covariance
@@ -17,7 +17,7 @@ from planner.effects.catalogue import Excitation, catalogue
 from planner.effects.compliance import JOINT_COMPLIANCE, compliance_parameters
 from planner.effects.effect import Effect, Parameter, Place, joint_place
 from planner.effects.nonparametric import gear_curve
-from planner.effects.sizes import GEAR_CURVE_SIZE
+from planner.effects.sizes import GEAR_CURVE_SIZE, UNKNOWN_PRIOR
 from planner.effects.usual_errors import usual_errors
 from planner.kinematics.robot import Robot
 from planner.model.model import Model

@@ -77,6 +77,7 @@ SETTLING = EffectSize("1", 0.5, 2.0, ESTIMATED)
 """Factor on what a joint reads less than was commanded: 1 where its angle is the commanded one."""
 
 # ---- sizes of one side
+UNKNOWN_PRIOR = 1.0  # [m, rad] prior sigma of a parameter of which nothing is known
 LARGEST_COUPLING = 2.5  # a parallelogram that nobody declared couples by -1, a joint counted backwards is off by -2
 PLAY_OF_SCATTER = 3.0  # [1] usual play over what a joint repeats to, where that is more than an industrial arm's
 PART_TURN = 1e-4  # [rad] of one part about one axis, as of a gear: one sigma of all its waves together

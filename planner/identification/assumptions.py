@@ -29,7 +29,6 @@ SIGNIFICANCE = 0.01  # probability that any test of a clean residual calls
 EXPECTED_CAUSES = 3.0  # families of a pool that are expected to act: arms have several causes, seldom one
 PREVALENCE = 0.5  # a of the beta prior (a, a · families / EXPECTED_CAUSES) of the share of a pool that acts
 STANDING_PROBABILITY = 0.5  # by the run, from which on a finding is said to stand
-UNKNOWN_PRIOR = 1.0  # [m, rad] prior sigma that stands for none at all
 LOG_NOISE_SIGMA = 0.7  # of the logarithm of the noise: known to a factor of two
 LOG_NOISE_RANGE = (-4.0, 6.0)  # of the logarithm of the noise, beyond which nothing is believed
 FIRST_HARMONIC = 1.5e-4  # [rad] prior sigma of a gear's first harmonic, the k-th by √k smaller

@@ -33,7 +33,8 @@ from planner.effects.basis import ONE, Times
 from planner.effects.catalogue import Excitation
 from planner.effects.effect import Parameter, ParameterMove
 from planner.effects.gauge_unknowns import unknowns_of
-from planner.identification.assumptions import GROSS, LOG_NOISE_SIGMA, PRIOR_FACTORS, UNKNOWN_PRIOR
+from planner.effects.sizes import UNKNOWN_PRIOR
+from planner.identification.assumptions import GROSS, LOG_NOISE_SIGMA, PRIOR_FACTORS
 from planner.identification.better_explanations import explain_better
 from planner.identification.least_squares import Fit
 from planner.runs.run import Run

@@ -14,9 +14,9 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Parameter
-from planner.effects.sizes import LINK_MASS
+from planner.effects.sizes import LINK_MASS, UNKNOWN_PRIOR
 from planner.effects.steps import SLIP
-from planner.identification.assumptions import LOG_NOISE_SIGMA, STANDING_PROBABILITY, UNKNOWN_PRIOR
+from planner.identification.assumptions import LOG_NOISE_SIGMA, STANDING_PROBABILITY
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit, Solution
 from planner.identification.noise import RATIO, Noise

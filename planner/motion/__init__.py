@@ -1,3 +1,3 @@
-"""Collision, path, tour and timing."""
+"""Collision, path, tour and timing; this room alone imports the compiled packages of planning."""
 
 __all__ = ["collision", "path", "planning_packages", "timing", "tour"]

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from planner.accuracy.assumptions import FRAMES
+from planner.accuracy.precision import RepeatedCentrings
+from planner.accuracy.validation import ErrorFigures, ModelErrors, Validation
 from planner.common.units import UM, to_mm
-from planner.instruments.assumptions import FRAMES
-from planner.instruments.precision import RepeatedCentrings
-from planner.instruments.validation import ErrorFigures, ModelErrors, Validation
 from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline, list_panel
 from planner.report.formatting import in_um
 from planner.report.page import Report, Row, report_judged_run

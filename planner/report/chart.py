@@ -174,7 +174,6 @@ def zero_line(x: Array) -> Series:
 
 
 POLAR_BASE = 9.0  # rings of a polar panel from its middle to the circle that deviations count from
-PLAIN_DECADES = 4  # about 1 in which a logarithmic axis is written without powers
 
 
 def log_ticks(span: Span, power: str) -> tuple[list[float], list[str]]:
@@ -187,7 +186,8 @@ def log_ticks(span: Span, power: str) -> tuple[list[float], list[str]]:
     decades = float(np.log10(high / low)) or 2.0  # about a single value both drawings leave a decade
     if decades >= 2.0:  # two powers of ten at least are in it
         powers = range(first, last + 1)
-        plain = [f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= PLAIN_DECADES else power.format(k) for k in powers]
+        # four decades about 1 are written without powers
+        plain = [f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= 4 else power.format(k) for k in powers]
         return [10.0**k for k in powers], plain
     if decades >= 0.6:  # from a to 4 a: three of these at least
         each = [(m * 10.0**k, max(-k, 0)) for k in range(first, last + 1) for m in (1, 2, 5)]

@@ -4,10 +4,10 @@ from typing import Literal
 
 import numpy as np
 
+from planner.checks.evaluation import CheckVerdict
+from planner.checks.record import RobotRecord
+from planner.checks.results import verdict_overview
 from planner.common.units import UM, to_mm
-from planner.instruments.check.evaluation import CheckVerdict
-from planner.instruments.check.results import verdict_overview
-from planner.instruments.record import RobotRecord
 from planner.model.finding import percent
 from planner.report.chart import (
     BLUE,

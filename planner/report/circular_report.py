@@ -5,10 +5,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from planner.circular.evaluation import CircularTest
+from planner.circular.figures import CircleFigures, PathFigures
+from planner.circular.plan import Arc, CircularDrive, CircularPass, CircularPlan
 from planner.common.units import UM, to_deg, to_mm
-from planner.instruments.circular.evaluation import CircularTest
-from planner.instruments.circular.figures import CircleFigures, PathFigures
-from planner.instruments.circular.plan import Arc, CircularDrive, CircularPass, CircularPlan
 from planner.report.cell_view import VIEW_FRAMES, CellView, ShownMotion, ViewPose, tool_points, view_session
 from planner.report.chart import BLUE, GREY, POLAR_BASE, RED, Chart, Panel, ReferenceLine, Series, joint_series
 from planner.report.formatting import clearance_fact, duration_text, in_um, verdict_rows

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from planner.common.units import UM, URAD, Array, to_deg, to_mm
-from planner.instruments.loaded.circle_candidates import CirclePlaceChoice
-from planner.instruments.loaded.common_fit import CommonFit
-from planner.instruments.loaded.joint_fit import JointFit
-from planner.instruments.loaded.results import share_text
-from planner.instruments.loaded.types import NOT_LEARNT, SENSES, EvaluatedCircle, LoadedEvaluation
+from planner.loaded.circle_candidates import CirclePlaceChoice
+from planner.loaded.common_fit import CommonFit
+from planner.loaded.joint_fit import JointFit
+from planner.loaded.results import share_text
+from planner.loaded.types import NOT_LEARNT, SENSES, EvaluatedCircle, LoadedEvaluation
 from planner.report.calibration_text import estimate_unit
 from planner.report.chart import (
     BLUE,

@@ -11,14 +11,14 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.placement import Targets
+from planner.circular.plan import CircularPlan, circle_samples
 from planner.common.units import Array
-from planner.instruments.circular.plan import CircularPlan, circle_samples
-from planner.instruments.simulation import SAMPLE_RATE
-from planner.instruments.truth import draw_truth
 from planner.kinematics.geometry import bar_state
 from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.session.plan_types import Plan
+from planner.simulation.simulated_run import SAMPLE_RATE
+from planner.simulation.truth import draw_truth
 
 
 @dataclass(frozen=True)

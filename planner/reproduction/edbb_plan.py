@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from planner.cell.reading import load_cell
+from planner.circular.planning import plan_circles
 from planner.common.progress import Stages
 from planner.common.units import MM, to_mm
-from planner.instruments.circular.planning import plan_circles
 from planner.motion.tour.solve import solve_tour
 from planner.reproduction.circle_and_path import CircleAndPath, compare_circle_and_path
 from planner.session.options import PlanOptions

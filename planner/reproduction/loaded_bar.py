@@ -8,14 +8,14 @@ import numpy as np
 from scipy.optimize import fminbound, least_squares
 
 from planner.cell.reading import load_cell
+from planner.circular.plan import circle_samples
+from planner.circular.planning import CircularSession
 from planner.common.progress import Stages
 from planner.common.units import MM, UM, Array, to_deg
-from planner.instruments.circular.plan import circle_samples
-from planner.instruments.circular.planning import CircularSession
-from planner.instruments.loaded.evaluation import evaluate_loaded_circles
-from planner.instruments.simulation import simulate_run
-from planner.instruments.truth import read_truth
+from planner.loaded.evaluation import evaluate_loaded_circles
 from planner.reproduction.published import paper_numbers
+from planner.simulation.simulated_run import simulate_run
+from planner.simulation.truth import read_truth
 
 CELL = "abb-irb6700/ldbb"
 TRUTH = """schema = "edbb-truth/1"

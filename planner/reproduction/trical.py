@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.accuracy.validation import validate_robot
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
@@ -19,14 +20,13 @@ from planner.effects.compliance import compliance_parameters
 from planner.identification.calibrated_robot import calibrated_files
 from planner.identification.pipeline import FitSettings, identify
 from planner.identification.stages import Tracer
-from planner.instruments.simulation import SimulatedRun, simulate_run
-from planner.instruments.truth import read_truth
-from planner.instruments.validation import validate_robot
 from planner.model.model import Model
 from planner.model.tool_error import uniform_states
 from planner.reproduction.published import paper_numbers
 from planner.runs.run import Samples
 from planner.session.options import PlanOptions
+from planner.simulation.simulated_run import SimulatedRun, simulate_run
+from planner.simulation.truth import read_truth
 from planner.tracing.trace import trace
 from planner.workflow.planning import pose_session
 

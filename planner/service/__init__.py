@@ -1,3 +1,3 @@
-"""The service: jobs that survive a crash, an HTTP interface, and the pages for the person at the cell."""
+"""The service: jobs that survive a crash, HTTP interface, pages; it runs the command line in processes of its own."""
 
 __all__: list[str] = []

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from planner.checks.record import DOCUMENTS
+from planner.circular.document import CircularDocument
 from planner.common.schema import PartialModel, read_json
 from planner.common.units import to_mm
 from planner.design.observability.information import find_rule
-from planner.instruments.circular.document import CircularDocument
-from planner.instruments.record import DOCUMENTS
 from planner.model.finding import Finding
 from planner.model.identification_document import Identification, Release, Stage
 from planner.model.use_text import Row, bound_text, use_head, use_rows, verdict_text

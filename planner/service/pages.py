@@ -17,11 +17,11 @@ from starlette.exceptions import HTTPException
 
 from planner.cell.reading import load_cell, shipped_cells
 from planner.cell.sections import read_cell_file
+from planner.checks.record import CheckedChange, CheckFile
+from planner.circular.document import CircularDocument
 from planner.common.errors import InputError
 from planner.common.schema import read_json
 from planner.identification.baseline import NAME as BASELINE
-from planner.instruments.circular.document import CircularDocument
-from planner.instruments.record import CheckedChange, CheckFile
 from planner.model.finding import percent
 from planner.model.identification_document import Identification
 from planner.service.answers import Job

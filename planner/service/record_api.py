@@ -8,9 +8,9 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi import Path as InPath
 from pydantic import Field
 
+from planner.checks.opcua import OpcUaRecord, map_to_opcua
+from planner.checks.record import DOCUMENTS, AxisDrift, Circumstances, EntryKind, RobotRecord
 from planner.common.schema import StrictModel
-from planner.instruments.opcua import OpcUaRecord, map_to_opcua
-from planner.instruments.record import DOCUMENTS, AxisDrift, Circumstances, EntryKind, RobotRecord
 from planner.service.context import Context, ServiceContext
 from planner.service.job_api import LIST_MOST, next_link
 from planner.service.job_folder import EverySystem, JobId

@@ -15,9 +15,9 @@ from datetime import date
 from pathlib import Path
 from typing import Literal
 
+from planner.checks.record import Circumstances, RobotRecord, latest_day
 from planner.common.errors import InputError
 from planner.common.system import hold_lock
-from planner.instruments.record import Circumstances, RobotRecord, latest_day
 from planner.service.database import Database
 
 RobotState = Literal["good", "check due", "changed", "not calibrated", "damaged"]

@@ -7,9 +7,9 @@ import zipfile
 from datetime import date
 from pathlib import Path
 
+from planner.checks.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry
 from planner.common.errors import InputError
 from planner.common.result_folder import file_hash
-from planner.instruments.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_record import JobRecord

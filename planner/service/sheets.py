@@ -7,9 +7,9 @@ from planner import load_cell
 from planner.cell.file import CellFile
 from planner.cell.reading import gauge_class
 from planner.cell.sections import read_cell_file
+from planner.checks.record import AccuracyFile
 from planner.common.schema import read_json, read_toml, validate
 from planner.common.units import to_mm
-from planner.instruments.record import AccuracyFile
 from planner.kinematics.robot_file import RobotDescription
 from planner.model.identification_document import Identification, Metrics
 from planner.service.answers import Job, OutputFile

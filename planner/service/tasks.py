@@ -12,10 +12,10 @@ from pydantic import BaseModel, Field
 
 from planner import load_cell, load_run
 from planner.cell.cell import Cell
+from planner.circular.document import is_circular, load_circular_plan
 from planner.common.errors import InputError, PlannerError
 from planner.common.schema import StrictModel
 from planner.common.units import Array, to_deg, to_mm
-from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.model.identification_document import Identification
 from planner.motion.collision.surroundings import check_surroundings
 from planner.report.cell_view import ShownMotion, ViewPose, tool_points, view_session

@@ -1,12 +1,12 @@
 """Checks and records: has a calibrated robot changed, and what happened to it over the years."""
 
+from planner.checks.words import CHECK_NOTE, DRAWN_FOR_CHECK, FORECAST
 from planner.common.commands import register_call, register_command, register_names
-from planner.instruments.check.words import CHECK_NOTE, DRAWN_FOR_CHECK, FORECAST
 from planner.session.evaluations import Evaluation, register_drawn_warning, register_evaluation
 from planner.workflow.check_calls import CheckCall, PlanCheckCall
 
 PARTS = (
-    "instruments/check", "instruments/record.py", "instruments/opcua.py", "workflow/check_calls.py",
+    "checks", "workflow/check_calls.py",
     "workflow/check_overview.py", "workflow/checking.py", "workflow/recording.py", "report/check_report.py",
     "report/templates/record.html.j2", "cli/record_commands.py",
 )  # fmt: skip

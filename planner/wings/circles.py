@@ -8,7 +8,7 @@ from planner.workflow.circle_calls import CircularCall, LoadedCall, LoadedPlaces
 from planner.workflow.plan_kinds import PlanKind, register_plan_kind
 
 PARTS = (
-    "instruments/circular", "instruments/loaded", "workflow/circle_calls.py", "workflow/circle_evaluation.py",
+    "circular", "loaded", "workflow/circle_calls.py", "workflow/circle_evaluation.py",
     "workflow/circle_results.py", "workflow/loaded_planning.py", "report/circular_report.py",
     "report/loaded_report.py", "report/templates/circular.html.j2", "report/templates/circular_plan.html.j2",
     "report/templates/loaded.html.j2",
@@ -17,7 +17,7 @@ CELLS = ("abb-irb6700/ldbb", "comau-nj130/circular")  # shipped cells that have 
 
 for call in (CircularCall, LoadedCall, LoadedPlacesCall, PlanBothCall):
     register_call(call)
-register_section("circles", "planner.instruments.circular.section:READER")
+register_section("circles", "planner.circular.section:READER")
 register_plan_kind(PlanKind("circular", "circles", "planner.workflow.circle_results:CircularMaker"))
 register_evaluation(
     Evaluation(

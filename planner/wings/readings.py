@@ -4,11 +4,9 @@ from planner.common.advice import Occasion, register_advice
 from planner.common.commands import register_command
 
 PARTS = (
-    "instruments/centring",
-    "instruments/live_gauge.py",
-    "instruments/live_session.py",
-    "instruments/live_estimate.py",
-    "instruments/live_advice.py",
+    "centring",
+    "next_session/live_estimate.py",
+    "next_session/live_advice.py",
     "cli/cell_commands.py",
 )
 

@@ -5,7 +5,7 @@ from planner.session.evaluations import Evaluation, register_evaluation
 from planner.workflow.accuracy_call import AccuracyCall
 
 PARTS = (
-    "instruments/validation.py", "instruments/reference_frame.py", "workflow/accuracy.py", "workflow/accuracy_call.py",
+    "accuracy/validation.py", "accuracy/reference_frame.py", "workflow/accuracy.py", "workflow/accuracy_call.py",
     "report/accuracy_report.py",
 )  # fmt: skip
 

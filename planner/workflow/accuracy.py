@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.accuracy.precision import RepeatedCentrings, judge_repeated_centrings, repeat_groups
+from planner.accuracy.validation import Validation, validate_robot
 from planner.cell.cell import Cell
 from planner.common.calls import called_with
 from planner.common.console import as_word
@@ -13,8 +15,6 @@ from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
-from planner.instruments.precision import RepeatedCentrings, judge_repeated_centrings, repeat_groups
-from planner.instruments.validation import Validation, validate_robot
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan

@@ -1,7 +1,7 @@
 """What the screen says of a planned check."""
 
+from planner.checks.results import CheckForecast
 from planner.common.summary import Summary, cut_facts
-from planner.instruments.check.results import CheckForecast
 from planner.session.plan_types import Plan
 from planner.workflow.plan_overview import plan_overview
 

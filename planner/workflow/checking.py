@@ -9,6 +9,10 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
+from planner.checks.evaluation import CheckVerdict, evaluate_check
+from planner.checks.planning import CheckChooser, resting_cell
+from planner.checks.results import CheckForecast, verdict_content, verdict_overview
+from planner.checks.words import FORECAST
 from planner.common.calls import called_with
 from planner.common.console import as_word
 from planner.common.errors import InputError
@@ -19,11 +23,6 @@ from planner.common.summary import Summary
 from planner.common.units import MM
 from planner.identification.baseline import Baseline
 from planner.identification.run_setup import drop_unreadable
-from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
-from planner.instruments.check.planning import CheckChooser, resting_cell
-from planner.instruments.check.results import CheckForecast, verdict_content, verdict_overview
-from planner.instruments.check.words import FORECAST
-from planner.instruments.simulation import planned_samples
 from planner.motion.planning_packages import require_planning_packages
 from planner.runs.loader import load_runs
 from planner.runs.run import Run
@@ -32,6 +31,7 @@ from planner.session.evaluations import evaluation_of
 from planner.session.options import PlanOptions
 from planner.session.planned_session import PlannedSession
 from planner.session.planning import plan_session
+from planner.simulation.simulated_run import planned_samples
 from planner.workflow.check_calls import CheckCall, PlanCheckCall
 from planner.workflow.check_overview import check_overview
 from planner.workflow.plan_results import PlanResult

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from planner.cell.cell import Cell
+from planner.circular.document import load_circular_cell, read_circular_plan
+from planner.circular.evaluation import CircularTest, circular_test_content, evaluate_circles
 from planner.common.calls import called_with
 from planner.common.console import as_word
 from planner.common.determinism import on_one_thread
@@ -16,12 +18,10 @@ from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
 from planner.common.units import DEG, UM
 from planner.identification.run_setup import drop_unreadable
-from planner.instruments.circular.document import load_circular_cell, read_circular_plan
-from planner.instruments.circular.evaluation import CircularTest, circular_test_content, evaluate_circles
-from planner.instruments.loaded.evaluation import evaluate_loaded_circles
-from planner.instruments.loaded.joint_fit import JointFit, averaged_run, averages_noise, fit_jointly
-from planner.instruments.loaded.results import averaged_curves_csv, compliance_text, loaded_content
-from planner.instruments.loaded.types import LoadedEvaluation
+from planner.loaded.evaluation import evaluate_loaded_circles
+from planner.loaded.joint_fit import JointFit, averaged_run, averages_noise, fit_jointly
+from planner.loaded.results import averaged_curves_csv, compliance_text, loaded_content
+from planner.loaded.types import LoadedEvaluation
 from planner.runs.loader import load_runs
 from planner.runs.writer import run_text
 from planner.session.document import check_run_of_plan, read_plan_header

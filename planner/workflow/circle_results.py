@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from planner.cell.cell import Cell
+from planner.circular.document import CircularDocument, circular_document, load_circular_plan
+from planner.circular.plan import CircularPlan, circle_samples
 from planner.common.console import as_word
 from planner.common.errors import InputError
 from planner.common.numbers import number_of
 from planner.common.progress import Stages
 from planner.common.summary import Fact, Summary
 from planner.common.units import to_deg, to_mm
-from planner.instruments.circular.document import CircularDocument, circular_document, load_circular_plan
-from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.motion.collision.body_gaps import clearance_text
 from planner.runs.run import Samples
 from planner.session.evaluations import evaluation_of
@@ -77,7 +77,7 @@ class CircularMaker:
 
     def plan(self, cell: Cell, options: PlanOptions, stages: Stages) -> CircularPlanResult:
         """Plan the circular test of a cell, as :func:`.plan_circles` does."""
-        from planner.instruments.circular.planning import plan_circles  # needless to read a plan, and slow to load
+        from planner.circular.planning import plan_circles  # needless to read a plan, and slow to load
 
         _check_options(cell, options)
         return CircularPlanResult(plan_circles(cell, options, stages), stages)

@@ -10,10 +10,10 @@ from planner.common.progress import Progress, Stages, no_progress
 from planner.common.result import FolderResult
 from planner.common.summary import Fact, Summary
 from planner.common.units import to_mm
-from planner.instruments.simulation import SimulatedRun, planned_samples, simulate_run
-from planner.instruments.truth import TruthEffectFile, draw_truth, effects_from_file
 from planner.runs.writer import save_run
 from planner.session.planned_session import PlannedSession
+from planner.simulation.simulated_run import SimulatedRun, planned_samples, simulate_run
+from planner.simulation.truth import TruthEffectFile, draw_truth, effects_from_file
 from planner.workflow.identification import CalibrationResult, identify
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan

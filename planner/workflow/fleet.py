@@ -13,7 +13,7 @@ from planner.common.content_hashes import HandEdit
 from planner.common.files import write_text
 from planner.common.result import Result
 from planner.common.summary import Summary
-from planner.instruments.fleet import Fleet, read_robots
+from planner.workflow.fleet_robots import Fleet, read_robots
 
 
 @dataclass(frozen=True, repr=False)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.accuracy.precision import check_mastering
+from planner.accuracy.tracker_nests import compare_nest_distances
 from planner.cell.cell import Cell
 from planner.cell.fleet_file import read_fleet, with_fleet
 from planner.common.calls import called_with
@@ -37,18 +39,16 @@ from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
 from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.identification.suitability import judge_use
-from planner.instruments.more_poses import foresee_more_poses, minutes_a_pose
-from planner.instruments.precision import check_mastering
-from planner.instruments.simulation import SimulatedRun
-from planner.instruments.tracker_nests import compare_nest_distances
 from planner.kinematics.robot import Robot
 from planner.model.finding import Finding
 from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Stage
 from planner.model.own_priors import with_priors
+from planner.next_session.more_poses import foresee_more_poses, minutes_a_pose
 from planner.runs.loader import load_runs
 from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
 from planner.session.document import PlanDocument, read_plan
+from planner.simulation.simulated_run import SimulatedRun
 from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
 from planner.workflow.fit_access import FitAccess

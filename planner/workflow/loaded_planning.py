@@ -8,6 +8,7 @@ from typing import Any
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.cell.sections import cell_file_of
+from planner.circular.plan import CircularPlan
 from planner.common.calls import called_with
 from planner.common.console import as_word
 from planner.common.content_hashes import HandEdit
@@ -18,28 +19,27 @@ from planner.common.progress import Stages
 from planner.common.result import FolderResult
 from planner.common.summary import Fact, Summary, under_key
 from planner.common.units import to_mm
-from planner.instruments.circular.plan import CircularPlan
-from planner.instruments.loaded.both_bars import (
+from planner.loaded.both_bars import (
     check_both_cells,
     collision_free_places,
     driven_places,
     plan_circles_beside,
 )
-from planner.instruments.loaded.circle_candidates import (
+from planner.loaded.circle_candidates import (
     CirclePlaceChoice,
     find_circle_places,
     study_circle_places,
     with_circles,
 )
-from planner.instruments.loaded.common_fit import CommonFit, UnloadedPoses, predict_common_fit
-from planner.instruments.loaded.place_results import (
+from planner.loaded.common_fit import CommonFit, UnloadedPoses, predict_common_fit
+from planner.loaded.place_results import (
     common_fit_content,
     describe_common_fit,
     describe_places,
     places_content,
     places_csv,
 )
-from planner.instruments.loaded.results import share_text
+from planner.loaded.results import share_text
 from planner.motion.planning_packages import require_planning_packages
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan

@@ -16,15 +16,15 @@ from planner.common.numbers import number_of
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import Summary
-from planner.instruments.next_session import evaluation_with_runs_before
-from planner.instruments.remaining_errors import RemainingErrors
-from planner.instruments.simulation import SimulatedRun
+from planner.next_session.planned_poses import evaluation_with_runs_before
+from planner.next_session.remaining_errors import RemainingErrors
 from planner.programs.rendering import ProgramFile
 from planner.runs.writer import run_text, save_run
 from planner.session.document import PlanDocument, PlanHeader
 from planner.session.evaluations import evaluation_of
 from planner.session.plan_record import UnprovenPoses, plan_document
 from planner.session.plan_types import Plan, Programs, SessionPlan
+from planner.simulation.simulated_run import SimulatedRun
 from planner.workflow.plan_overview import plan_overview, unproven_overview
 from planner.workflow.writing import fill_plan, write_cell, write_program_as
 

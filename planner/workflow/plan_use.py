@@ -13,8 +13,6 @@ from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.schema import read_json, validate
 from planner.gauges.vision.images import BoardInImages, find_corners
-from planner.instruments.simulation import SAMPLE_RATE, planned_samples, simulate_run
-from planner.instruments.truth import draw_expected_truth, read_truth
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 from planner.motion.planning_packages import has_judges
@@ -33,6 +31,8 @@ from planner.session.judgement import judge_plan
 from planner.session.neutral_program import driven_form, session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
+from planner.simulation.simulated_run import SAMPLE_RATE, planned_samples, simulate_run
+from planner.simulation.truth import draw_expected_truth, read_truth
 from planner.workflow.plan_kinds import DrivenPlan, PlanKind, find_plan_kind
 from planner.workflow.plan_results import ExportResult, PosesResult, SessionResult, SimulationResult
 from planner.workflow.plan_use_calls import ExportCall, ImportCall, SimulateCall

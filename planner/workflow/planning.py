@@ -11,10 +11,10 @@ from planner.common.files import folder_of
 from planner.common.progress import UNLIMITED, Stages, TimeLimit
 from planner.common.units import from_mm
 from planner.design.free_parameters import check_effects
-from planner.instruments.next_session import NextSessionChooser
-from planner.instruments.remaining_errors import ROBOT, CalibratedState, leave_standing
-from planner.instruments.where_it_counts import places_in_region, places_of_program
 from planner.motion.planning_packages import require_planning_packages
+from planner.next_session.planned_poses import NextSessionChooser
+from planner.next_session.remaining_errors import ROBOT, CalibratedState, leave_standing
+from planner.next_session.where_it_counts import places_in_region, places_of_program
 from planner.report.plan_report import report_plan
 from planner.report.standby import drawing_process
 from planner.session.as_published import follow_paper

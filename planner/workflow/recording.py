@@ -8,11 +8,11 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+from planner.checks.opcua import map_to_opcua
+from planner.checks.record import Circumstances, RobotRecord, add_entry
 from planner.common.files import document_text, write_text
 from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
-from planner.instruments.opcua import map_to_opcua
-from planner.instruments.record import Circumstances, RobotRecord, add_entry
 
 
 @dataclass(frozen=True)

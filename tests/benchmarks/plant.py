@@ -19,13 +19,13 @@ from pathlib import Path
 
 import httpx
 
-from planner.instruments.record import Circumstances, add_entry
+from planner.checks.record import Circumstances, add_entry
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobStore
 from planner.service.people import PeopleStore
 from planner.service.settings import Role
-from tests.instruments.check.test_record import calibration
+from tests.checks.test_record import calibration
 
 PAGES = (
     ("first page", "/"), ("robots, API", "/api/records"), ("a robot", "/robots/R-00000"),

@@ -53,8 +53,8 @@ from planner.design.learnt_foresight import LearntForesight
 from planner.design.learnt_posterior import LearntPosterior, root_of
 from planner.design.learnt_sizes import LearntErrors
 from planner.design.unnamed_errors import add_unnamed_errors
-from planner.instruments.live_estimate import families
 from planner.model.tool_error import tool_rows
+from planner.next_session.live_estimate import families
 from planner.runs.run import Mounting, Readings, Samples
 from planner.session.tour_cost import tour_costs
 from tests.benchmarks import stopping_tables

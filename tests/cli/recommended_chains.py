@@ -91,7 +91,7 @@ class Chain:
         for words in self.named:
             under_load = self.cell == LOADED  # of circles both evaluations are named, "under load" before the second
             other = words[0] == ("circular" if under_load else "loaded")
-            both = "FREE.csv" in words  # of a plan of both: tests/instruments/loaded/test_command.py fits the two
+            both = "FREE.csv" in words  # of a plan of both: tests/loaded/test_command.py fits the two
             if other or both or words[0] in BY_HAND or len(self.done) >= MOST:
                 continue
             self.measure(words)

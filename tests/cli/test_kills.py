@@ -20,20 +20,20 @@ import numpy as np
 import pytest
 
 import planner
-import tests.instruments.loaded.world as loaded
+import tests.loaded.world as loaded
+from planner.checks.record import RobotRecord
 from planner.common.result_folder import changed_files
-from planner.instruments.record import RobotRecord
+from tests.accuracy.worlds import NAME, poses, tracker_run
+from tests.centring.conftest import Cell
+from tests.centring.test_command import words as centring_words
+from tests.centring.test_live_gauge import Gauge
+from tests.centring.test_session import rows_of
+from tests.checks.test_record import calibration, results
+from tests.circular.conftest import ARC, cell_file
 from tests.cli.states import state_of
 from tests.cli.test_writing import MAP
 from tests.command import edbb
-from tests.instruments.accuracy.worlds import NAME, poses, tracker_run
-from tests.instruments.centring.conftest import Cell
-from tests.instruments.centring.test_command import words as centring_words
-from tests.instruments.centring.test_session import rows_of
-from tests.instruments.check.test_record import calibration, results
-from tests.instruments.circular.conftest import ARC, cell_file
-from tests.instruments.loaded.test_both import write_inputs
-from tests.instruments.test_live_gauge import Gauge
+from tests.loaded.test_both import write_inputs
 
 KILLS = {
     "import": 4, "simulate": 20, "export": 20, "compensate": 20, "accuracy": 12, "circular": 12, "loaded": 8,
@@ -49,7 +49,7 @@ SMALL = {
     "planner.studies.basis:STEPS": 10, "planner.studies.fixture_places:CANDIDATES": 300,
     "planner.studies.fixture_places:map_fixture_places.__defaults__": [4, 3],
     "planner.design.fixtures.addition:CANDIDATES": 200, "planner.design.fixtures.addition:ACROSS": 4,
-    "planner.instruments.loaded.circle_candidates:find_circle_places.__defaults__": [0, [3, 2]],
+    "planner.loaded.circle_candidates:find_circle_places.__defaults__": [0, [3, 2]],
 }  # fmt: skip
 ALL = bool(os.environ.get("EDBB_ALL_TRIALS"))
 

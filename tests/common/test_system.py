@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 import serial
 
+from planner.centring.indicators import SerialIndicators
+from planner.centring.live_gauge import LiveGauge
+from planner.centring.settings import PROTOCOLS
 from planner.common import exchange, system
 from planner.common.errors import InputError
 from planner.common.result_folder import MANIFEST, changed_files, draft_folder, move_all
-from planner.instruments.centring.indicators import SerialIndicators
-from planner.instruments.centring.settings import PROTOCOLS
-from planner.instruments.live_gauge import LiveGauge
 from tests.test_planning_packages import EXAMPLES, edbb_without
 
 

@@ -7,8 +7,8 @@ from planner.cell.reading import load_cell
 from planner.design.free_parameters import undeclared_errors
 from planner.design.learnt_posterior import LearntPosterior
 from planner.design.unnamed_errors import add_unnamed_errors
-from planner.instruments.live_estimate import families
 from planner.model.tool_error import ToolError, uniform_states
+from planner.next_session.live_estimate import families
 from planner.runs.run import Samples
 
 

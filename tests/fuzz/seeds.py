@@ -12,12 +12,11 @@ import polars as pl
 
 import tests.programs.sessions as sessions
 from planner.cell.reading import load_cell
+from planner.centring.journal import open_journal
+from planner.centring.path import read_planned_path
+from planner.centring.settings import read_settings
 from planner.compensation.compensated_file import compensate_file
 from planner.design.discrimination.findings import read_identification
-from planner.instruments.centring.journal import open_journal
-from planner.instruments.centring.path import read_planned_path
-from planner.instruments.centring.settings import read_settings
-from planner.instruments.truth import read_truth
 from planner.kinematics.bodies import Body
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
@@ -29,8 +28,9 @@ from planner.programs.verification import read_texts, write_program
 from planner.runs.loader import load_run
 from planner.runs.traces import import_run
 from planner.session.document import read_plan, read_waypoints
+from planner.simulation.truth import read_truth
+from tests.centring.world import plan as ball_plan
 from tests.compensation.robots import BentRobot, bent
-from tests.instruments.centring.world import plan as ball_plan
 from tests.motion.collision.test_meshes import stl
 
 ROBOT = "kuka-kr6-r700"

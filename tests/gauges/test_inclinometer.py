@@ -18,8 +18,6 @@ from planner.common.schema import read_toml
 from planner.common.units import DEG
 from planner.identification.pipeline import identify
 from planner.identification.residual_table import residuals_csv
-from planner.instruments.simulation import planned_samples, simulate_run
-from planner.instruments.truth import draw_truth
 from planner.model.model import Model
 from planner.report.calibration_report import report_calibration
 from planner.runs.loader import load_run
@@ -28,6 +26,8 @@ from planner.runs.writer import save_run
 from planner.session.movable_cell import cell_files
 from planner.session.options import PlanOptions
 from planner.session.planned_session import load_session
+from planner.simulation.simulated_run import planned_samples, simulate_run
+from planner.simulation.truth import draw_truth
 from planner.workflow.fit_overview import fit_overview
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan_cell

@@ -9,7 +9,7 @@ MOST = 15
 ASKED = re.compile(
     r"gauge\.(head|kind)\b|\.(is_attached|frees_base|is_loaded|can_be_loaded)\b|isinstance\([^)]*[gG]auge\b"
 )
-OWN = ("gauges/", "cell/gauge", "cell/file.py", "instruments/centring/")  # its rooms; and what has a file's section
+OWN = ("gauges/", "cell/gauge", "cell/file.py", "centring/")  # its rooms; and what has a file's section
 
 
 def test_few_places_ask_which_gauge_it_is():

@@ -12,10 +12,10 @@ from planner.common.errors import InputError
 from planner.design.assumptions import TURN_MARGIN_SIGMAS
 from planner.design.candidates.balls import corrected_turns
 from planner.identification.pipeline import FitSettings, identify
-from planner.instruments.simulation import simulate_run
-from planner.instruments.truth import draw_truth
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, solve_point_ik
 from planner.runs.run import Samples
+from planner.simulation.simulated_run import simulate_run
+from planner.simulation.truth import draw_truth
 from planner.workflow.run_checks import FAR, check_angles
 
 CELL = load_cell("so101/sockets")

@@ -18,8 +18,6 @@ from planner.common.schema import read_toml
 from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import select_poses
 from planner.identification.pipeline import identify
-from planner.instruments.simulation import simulate_run
-from planner.instruments.truth import draw_truth
 from planner.model.model import Model
 from planner.motion.path.margins import WorkspaceBounds
 from planner.report.plan_charts import bar_chart
@@ -28,6 +26,8 @@ from planner.report.plan_report import report_plan
 from planner.runs.run import Samples
 from planner.session.options import PlanOptions
 from planner.session.point_poses import PointPoses
+from planner.simulation.simulated_run import simulate_run
+from planner.simulation.truth import draw_truth
 from planner.workflow.planning import plan_cell
 from tests.gauges.plane_dial import PlaneDial
 

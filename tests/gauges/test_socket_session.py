@@ -9,10 +9,10 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.identification.pipeline import identify
-from planner.instruments.simulation import simulate_run
-from planner.instruments.truth import draw_truth
 from planner.runs.run import Samples
 from planner.session.options import PlanOptions
+from planner.simulation.simulated_run import simulate_run
+from planner.simulation.truth import draw_truth
 from planner.workflow.planning import plan_cell
 from tests.programs.reading import read_back
 

@@ -19,13 +19,13 @@ from planner.design.pose_selection import identify_candidates
 from planner.design.selection.d_optimal import detmax
 from planner.identification.least_squares import solve
 from planner.identification.pipeline import FitSettings, identify
-from planner.instruments.simulation import simulate_run
-from planner.instruments.truth import draw_truth
 from planner.model.model import Model
 from planner.report.calibration_text import declared_effects_text
 from planner.report.formatting import digits
 from planner.runs.loader import load_run
 from planner.runs.run import Samples
+from planner.simulation.simulated_run import simulate_run
+from planner.simulation.truth import draw_truth
 from planner.tracing.trace import trace
 from tests.identification.worlds import arm_of
 from tests.simulation.generator.benches import BENCHES

@@ -9,8 +9,8 @@ from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import identify_candidates
 from planner.identification.identifiable_parameters import choose_parameters
 from planner.identification.run_setup import setup_for_run
-from planner.instruments.simulation import simulate_run
-from planner.instruments.truth import draw_truth
+from planner.simulation.simulated_run import simulate_run
+from planner.simulation.truth import draw_truth
 
 
 def test_an_arm_by_urdf_with_a_bar_has_its_joint_zeros_fitted_that_the_plan_kept() -> None:

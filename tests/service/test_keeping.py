@@ -8,8 +8,8 @@ from datetime import date
 
 import pytest
 
+from planner.checks.record import Circumstances, add_entry
 from planner.common.errors import InputError
-from planner.instruments.record import Circumstances, add_entry
 from planner.service import job_request
 from planner.service.backup import back_up, restore
 from planner.service.database import Database
@@ -20,8 +20,8 @@ from planner.service.job_record import JobCommand, JobInput, JobOutput
 from planner.service.job_store import JobStore
 from planner.service.record_index import RecordIndex
 from planner.service.settings import DAY_S, Retention
+from tests.checks.test_record import calibration
 from tests.command import edbb
-from tests.instruments.check.test_record import calibration
 from tests.service.conftest import client_of
 
 CALIBRATION = json.dumps(calibration(0.01), default=str).encode()

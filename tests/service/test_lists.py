@@ -12,18 +12,18 @@ from urllib.parse import urlencode
 
 import pytest
 
+from planner.checks.record import Circumstances, add_entry
+from planner.checks.results import verdict_content
 from planner.common.errors import InputError
-from planner.instruments.check.results import verdict_content
-from planner.instruments.record import Circumstances, add_entry
 from planner.service.database import FIRST, VERSION, Database
 from planner.service.file_store import FileStore
 from planner.service.job_filter import JobFilter, JobPlace
 from planner.service.job_record import JobCommand, JobOutput
 from planner.service.job_store import JobStore
 from planner.service.record_index import LOOK_S, RecordIndex, RobotFilter
-from tests.instruments.check.fleet import NAME
-from tests.instruments.check.test_evaluation import judged
-from tests.instruments.check.test_record import calibration
+from tests.checks.fleet import NAME
+from tests.checks.test_evaluation import judged
+from tests.checks.test_record import calibration
 from tests.service.conftest import client_of, wait_until
 
 KINDS, ROBOTS = ("plan", "identification", "check", "fixture-view"), ("comau-nj130", "ur10", "")

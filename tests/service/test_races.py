@@ -12,8 +12,8 @@ from types import SimpleNamespace
 import pytest
 from argon2 import PasswordHasher
 
+from planner.checks.record import Circumstances, latest_day
 from planner.common.errors import InputError
-from planner.instruments.record import Circumstances, latest_day
 from planner.service import backup, job_api, pages, record_store
 from planner.service.backup import back_up, restore
 from planner.service.cluster import ClusterRunner

@@ -8,15 +8,15 @@ from datetime import date, timedelta
 
 import pytest
 
+from planner.checks.record import RobotRecord
+from planner.checks.results import verdict_content
 from planner.common.files import data_folder, document_text
 from planner.common.units import DEG
-from planner.instruments.check.results import verdict_content
-from planner.instruments.record import RobotRecord
 from planner.service.job_record import JobCommand, JobOutput
+from tests.checks.fleet import NAME
+from tests.checks.test_evaluation import judged
+from tests.checks.test_record import calibration
 from tests.command import edbb
-from tests.instruments.check.fleet import NAME
-from tests.instruments.check.test_evaluation import judged
-from tests.instruments.check.test_record import calibration
 from tests.service.conftest import client_of
 from tests.service.test_crashes import CHEAP, Store
 

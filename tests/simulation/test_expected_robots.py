@@ -11,11 +11,11 @@ from planner.cell.setup import setup_of
 from planner.common.units import to_mm
 from planner.design.free_parameters import undeclared_errors
 from planner.gauges.frame_gauge import ToolPosition
-from planner.instruments.simulation import simulate_run
-from planner.instruments.truth import draw_expected_truth, read_truth
 from planner.model.tool_error import tool_setup, uniform_states
 from planner.runs.run import Samples
 from planner.session.plan_types import Plan
+from planner.simulation.simulated_run import simulate_run
+from planner.simulation.truth import draw_expected_truth, read_truth
 from planner.workflow.identification import identify
 from planner.workflow.plan_results import SessionResult, SimulationResult
 from planner.workflow.plan_use import simulate

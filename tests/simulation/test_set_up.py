@@ -8,9 +8,9 @@ import pytest
 from planner.cell.reading import load_cell, read_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
-from planner.instruments.assumptions import SESSION
-from planner.instruments.set_up import place_fixtures_by_robot, solve_fixture_pose
-from planner.instruments.truth import draw_truth
+from planner.simulation.assumptions import CUP_SIGMA
+from planner.simulation.set_up import place_fixtures_by_robot, solve_fixture_pose
+from planner.simulation.truth import draw_truth
 from tests.simulation.generator.arm import Arm
 
 CELLS = ("comau-nj130/edbb", "comau-nj130/paper", "abb-irb6700/edbb", "kuka-kr6-r700/edbb")
@@ -53,8 +53,8 @@ def test_a_hand_adjusts_it_and_sets_the_zero_there():
         off += [truth.errors[k] - by_robot[k] for k, n in enumerate(names) if n.startswith("fixture")]
         zero.append(errors_of(truth)["zero"])
         sure.append(errors_of(draw_truth(known, seed))["zero"])
-    assert np.std(off) == pytest.approx(SESSION.cup_sigma, rel=0.2)  # 180 draws: 5 % is one sigma
-    assert np.std(zero) == pytest.approx(SESSION.cup_sigma, rel=0.4)
+    assert np.std(off) == pytest.approx(CUP_SIGMA, rel=0.2)  # 180 draws: 5 % is one sigma
+    assert np.std(zero) == pytest.approx(CUP_SIGMA, rel=0.4)
     assert np.std(sure) == pytest.approx(known.gauge.noise, rel=0.4)  # 'known': set as well as the bar reads
 
 

@@ -11,13 +11,13 @@ from planner.cell.reading import load_cell, read_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.design.candidates.balls import draw_ball_candidates
-from planner.instruments.assumptions import SESSION
-from planner.instruments.simulation import SAMPLE_RATE, SimulatedRun, simulate_run
-from planner.instruments.truth import draw_truth, read_truth
 from planner.runs.loader import load_run
 from planner.runs.run import Readings, Samples
 from planner.runs.writer import save_run
 from planner.session.document import read_plan
+from planner.simulation.assumptions import CORRELATION_TIME
+from planner.simulation.simulated_run import SAMPLE_RATE, SimulatedRun, simulate_run
+from planner.simulation.truth import draw_truth, read_truth
 from planner.workflow.plan_results import SimulationResult
 from planner.workflow.plan_use import simulate
 from tests.simulation.generator.arm import GRAVITY, Arm, moment_of_weight
@@ -155,10 +155,10 @@ def test_joints_wander_along_a_drive(tmp_path):
     lever = np.linalg.norm(truth.model.joint_rows(still.samples)[:, 0], axis=1)
     off = (run.readings.length - still.readings.length) / lever / truth.model.joint_sigma
     # independent stretches; 7 % is one sigma of the spread below
-    assert len(off) * SESSION.correlation_time > 500 * SAMPLE_RATE
+    assert len(off) * CORRELATION_TIME > 500 * SAMPLE_RATE
     assert abs(off.std() - 1) < 0.15
-    later = [np.corrcoef(off[:-k], off[k:])[0, 1] for k in (1, int(SAMPLE_RATE * SESSION.correlation_time))]
-    assert np.allclose(later, np.exp([-1 / SAMPLE_RATE / SESSION.correlation_time, -1]), atol=0.12)
+    later = [np.corrcoef(off[:-k], off[k:])[0, 1] for k in (1, int(SAMPLE_RATE * CORRELATION_TIME))]
+    assert np.allclose(later, np.exp([-1 / SAMPLE_RATE / CORRELATION_TIME, -1]), atol=0.12)
     first = np.flatnonzero(np.diff(still.samples.session, prepend=-1))
     assert len(first) == 2
     assert np.abs(off[first]).min() > 1e-3  # it wanders from the first sample on

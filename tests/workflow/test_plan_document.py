@@ -7,8 +7,8 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
+from planner.circular.document import CircularDocument
 from planner.common.errors import InputError
-from planner.instruments.circular.document import CircularDocument
 from planner.session.document import PlanDocument, read_plan
 
 OLDER = Path(__file__).parents[1] / "data" / "kr6-plan" / "plan.json"

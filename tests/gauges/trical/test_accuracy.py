@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from planner.accuracy.precision import judge_repeated_centrings, repeat_groups, repeat_precision
+from planner.accuracy.reference_frame import NestFrame, nest_frame, position_errors, register_tracker
+from planner.accuracy.validation import error_figures
 from planner.cell.parts import Nest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.instruments.precision import judge_repeated_centrings, repeat_groups, repeat_precision
-from planner.instruments.reference_frame import NestFrame, nest_frame, position_errors, register_tracker
-from planner.instruments.validation import error_figures
 from planner.runs.run import Readings, Run, Samples
 
 R_WG = Rotation.from_euler("xyz", [3.0, -2.0, 175.0], degrees=True).as_matrix()

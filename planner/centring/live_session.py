@@ -1,0 +1,198 @@
+"""A session with a bar or wire, read pose by pose: a port is read, or a person types what the gauge shows."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from planner.centring.assumptions import FAR_FROM_PLAN
+from planner.centring.live_gauge import PoseLog
+from planner.common.units import MM, to_mm
+from planner.session.document import PoseRecord
+
+WORDS = "b: the pose before once more, p N: pose N, s: leave it out, q: end"
+TYPED = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:\s*mm)?")
+
+
+class Adviser(Protocol):
+    """Says of each pose whether it need not be read, and after each reading where the session stands."""
+
+    def passes(self, pose: int) -> str:
+        """Return why the pose of this id need not be read; empty where it is to be read."""
+
+    def advise(self, pose: int, t: float, length: float) -> str:
+        """Take a reading [m] at a time [s] of the session; return what to tell the person, empty where nothing."""
+
+    def correct(self, rows: Mapping[int, tuple[float, float]]) -> str:
+        """Take all readings anew, one of them was corrected: times [s] and lengths [m] by the id of their pose."""
+
+
+class NoAdvice:
+    """All poses are read, and nothing is said of them."""
+
+    def passes(self, pose: int) -> str:
+        """Return nothing."""
+        return ""
+
+    def advise(self, pose: int, t: float, length: float) -> str:
+        """Return nothing."""
+        return ""
+
+    def correct(self, rows: Mapping[int, tuple[float, float]]) -> str:
+        """Return nothing."""
+        return ""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is done at a pose: its length [m] is kept, another pose is next, it is left out, or the session ends."""
+
+    what: Literal["keep", "go", "skip", "end"]
+    length: float = 0.0
+    pose: int = 0
+
+
+@dataclass
+class MeasuringSession:
+    """Ticks off the poses of a plan, each when a person says that the arm rests there.
+
+    Poses have the numbers that the program shows at the pendant. What the gauge cannot have read is not kept. A pose
+    that the ``adviser`` passes is not asked for: the arm drives on through it, along the path that was proven.
+
+    Attributes:
+        log: the run as it grows.
+        ask: shows a text and returns the answer.
+        clock: time [s].
+        read: returns the gauge's reading [m]; ``None``: a person types it.
+        factor, zero: ``factor`` [m] times what a person types, plus ``zero`` [m], is the reading.
+        adviser: see there.
+    """
+
+    log: PoseLog
+    ask: Callable[[str], str]
+    clock: Callable[[], float]
+    read: Callable[[], float] | None = None
+    factor: float = MM
+    zero: float = 0.0
+    adviser: Adviser = field(default_factory=NoAdvice)
+
+    def run(self) -> Iterator[str]:
+        """Measure the poses that are left, in the order of the plan; yield what is said of each."""
+        poses, rows = self.log.poses, self.log.rows
+        start = self.clock() - max((t + 1.0 for t, _ in rows.values()), default=0.0)
+        at, passed = 0, set[int]()
+        once_more: int | None = None  # a pose that was read already: after it the session goes on where it was
+        while True:
+            if at == len(poses) and once_more is None:
+                if left := [str(p.id) for p in poses if p.id not in rows and p.id not in passed]:
+                    few = f"pose{'s' if len(left) > 1 else ''} {', '.join(left)}"
+                    yield f"not read yet: {few}; p N asks for one, or the same command later"
+                answer = self._closing_answer()
+                if answer.what == "end":
+                    return
+                once_more = self._number(answer.pose)
+            pose = poses[at if once_more is None else once_more]
+            if once_more is None and pose.id in rows:
+                at += 1
+                continue
+            if once_more is None and (why := self.adviser.passes(pose.id)):
+                yield f"pose {pose.id}: drive on, {why}"
+                passed.add(pose.id)
+                at += 1
+                continue
+            answer = self._answer(poses.index(pose))
+            if answer.what == "end":
+                return
+            if answer.what == "go":
+                goal = self._number(answer.pose)
+                once_more, at = (goal, at) if answer.pose in rows else (None, goal)
+                continue
+            if answer.what == "keep":
+                yield self._keep(pose, answer.length, round(self.clock() - start, 3))
+            at, once_more = at + (once_more is None), None
+
+    def _number(self, pose: int) -> int:
+        """Return which in the order of the plan the pose of this id is."""
+        return next(k for k, p in enumerate(self.log.poses) if p.id == pose)
+
+    def _closing_answer(self) -> Answer:
+        """Ask behind the last pose whether one is to be put right."""
+        asked = "behind the last pose: q ends (b: the last pose once more, p N: pose N)"
+        while True:
+            said = self.ask(asked)
+            if said in ("", "s", "q"):
+                return Answer("end")
+            if (pose := self._goal(said, len(self.log.poses))) is not None:
+                return Answer("go", pose=pose)
+
+    def _goal(self, said: str, at: int) -> int | None:
+        """Return the id of the pose that an answer asks for at the pose of this number in the order; or none."""
+        poses = self.log.poses
+        wanted = poses[at - 1].id if said == "b" and at > 0 else None
+        if found := re.fullmatch(r"p\s*(\d+)", said):
+            wanted = int(found[1])
+        return wanted if wanted in {p.id for p in poses} else None
+
+    def _answer(self, at: int) -> Answer:
+        """Ask at the pose of this number in the order until something is said that can be done."""
+        poses, pose = self.log.poses, self.log.poses[at]
+        planned = "" if pose.length_mm is None else f", planned {pose.length_mm:.2f} mm"
+        wanted = "type what the gauge shows in mm" if self.read is None else "Enter reads"
+        where = f"pose {pose.id} of {max(p.id for p in poses)} at {pose.fixture or 'the gauge'}{planned}"
+        asked = f"{where}: {wanted} ({WORDS})"
+        while True:
+            said = self.ask(asked)
+            if said in ("s", "q"):
+                return Answer("skip" if said == "s" else "end")
+            if (goal := self._goal(said, at)) is not None:
+                return Answer("go", pose=goal)
+            length = self._length(said)
+            if length is None:
+                asked = f"pose {pose.id}: '{said}' is no answer here: {wanted} ({WORDS})"
+            elif self.log.is_readable(pose.id, length):
+                return Answer("keep", length)
+            else:
+                asked = (
+                    f"pose {pose.id}: {float(to_mm(length)):.3f} mm is beyond the gauge's range and not kept (pulled "
+                    f"off, at a stop, or no reading): {wanted} ({WORDS})"
+                )
+
+    def _length(self, said: str) -> float | None:
+        """Return the reading that an answer gives [m]: that of the port, or what was typed."""
+        if said == "" and self.read is not None:
+            return self.read()
+        if not TYPED.fullmatch(said):
+            return None
+        return float(said.removesuffix("mm").strip().replace(",", ".")) * self.factor + self.zero
+
+    def _keep(self, pose: PoseRecord, length: float, t: float) -> str:
+        """Keep a reading, and return what is said of it; a correction that is typed has the time of the pose."""
+        corrected = self.log.rows.get(pose.id)
+        if corrected is not None and self.read is None:
+            t = corrected[0]
+        self.log.add(pose.id, t, length)
+        off = length - (pose.length_mm or float(to_mm(length))) * MM
+        far = (
+            f", {float(to_mm(off)):+.1f} mm from the plan: is this the pose, and the zero set?"
+            if abs(off) > FAR_FROM_PLAN
+            else ""
+        )
+        far += "; the gauge has shown this number at three poses: does it still move?" if self.log.is_stuck() else ""
+        before = "" if corrected is None else f" in place of {float(to_mm(corrected[1])):.3f} mm"
+        rows = self.log.rows
+        stands = self.adviser.advise(pose.id, t, length) if corrected is None else self.adviser.correct(rows)
+        count = f"({len(rows)} of {len(self.log.poses)})"
+        return f"pose {pose.id}: {float(to_mm(length)):.3f} mm{before}{far} {count}{'; ' if stands else ''}{stands}"
+
+
+def program_remark(read_by: str) -> str:
+    """Return what a person must know of the plan's program before the first pose."""
+    if read_by == "hand":
+        return (
+            "the program stops at each pose and names it by the same number: take the reading here, then let the "
+            "program go on at the pendant"
+        )
+    return (
+        f'the program of this plan does not wait for a person (read_by = "{read_by}"): stop it at each pose, or write '
+        'read_by = "hand" under [gauge] of the cell and plan again'
+    )

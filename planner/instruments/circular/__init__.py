@@ -1,3 +1,0 @@
-"""Circular tests in the manner of ISO 230-4: planned, driven, evaluated."""
-
-__all__ = ["document", "evaluation", "figures", "plan", "planning"]
