@@ -10,8 +10,8 @@ KEPT = re.compile(  # left as it is: fences, headings, rows of tables, HTML, inl
     r"^```.*?^```|^#.*?$|^\|.*?$|^:::.*?$|<[^>]*>|`[^`]*`|!?\[[^\]]*\]\([^)]*\)", re.MULTILINE | re.DOTALL
 )
 NOT_LINKED = (
-    "cause", "cell", "check", "effect", "gauge", "index", "model", "parameter", "place", "plan", "pose", "prior",
-    "record", "run", "segment", "session", "shell", "tour", "zero",
+    "cause", "cell", "effect", "gauge", "index", "model", "parameter", "place", "plan", "pose", "prior",
+    "record", "run", "segment", "session", "zero",
 )  # fmt: skip
 """Words of every day: on most pages they mean what everybody means, not what the glossary says."""
 

@@ -15,7 +15,7 @@ from planner.effects.catalogue import effect_kinds, needs_of
 from planner.workflow.verbs import declared_calls
 
 ANY_RUN = "another kind of run"  # said where nothing but other poses is needed
-OF_CLICK = ("--help",)  # not listed
+ON_EVERY_COMMAND = ("--help", "--json", "--verbose", "--force", "--package")  # docs/commands.md has them once
 
 
 MADE = re.compile(r"<!-- (options|effects|gallery)(?:: ([a-z-]+))? -->\n(?:.*?\n)?<!-- /\1 -->", re.DOTALL)
@@ -57,17 +57,17 @@ def typed_table(verb: str) -> str:
 def _typed_rows(parameters: list[Any]) -> Iterator[str]:
     for parameter in parameters:
         typed = parameter.metavar if parameter.param_type_name == "argument" else parameter.opts[-1]
-        if typed not in OF_CLICK:
+        if typed not in ON_EVERY_COMMAND:
             yield f"| `{typed}` | {(getattr(parameter, 'help', '') or '').replace('|', chr(92) + '|')} |"
 
 
 def effects_table() -> str:
-    """Return the table of all causes of the catalogue, and what a run needs beyond poses that excite them."""
-    needs = ((kind, needs_of(kind)) for kind in effect_kinds())
-    rows = [f"| {kind} | {'' if need == ANY_RUN else need} |" for kind, need in needs]
-    return "\n".join(
-        ["| cause | what a run needs to show it, in addition to poses that excite it |", "|---|---|", *rows]
-    )
+    """Return the table of all causes of the catalogue, by what a run needs to show them."""
+    causes: dict[str, list[str]] = {}
+    for kind in effect_kinds():
+        causes.setdefault(needs_of(kind), []).append(kind)
+    rows = [f"| {'poses that excite it' if need == ANY_RUN else need} | {', '.join(c)} |" for need, c in causes.items()]
+    return "\n".join(["| what a run needs | causes |", "|---|---|", *rows])
 
 
 def gallery(attributes: str = "") -> str:

@@ -28,7 +28,7 @@ OTHER_WORDS = {
     "working space": "workspace", "work space": "workspace", "hold-out": "held out", "confidence": "probability",
 }  # fmt: skip
 """Words that somebody else may use for a thing, with the glossary's own word; titles and code may have them."""
-CODE = re.compile(r"^ *```.*?^ *```$|<!--.*?-->", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"^ *```.*?^ *```$|<!-- effects.*?/effects -->|<!--.*?-->", re.MULTILINE | re.DOTALL)
 ABBREVIATIONS = re.compile(r"\b(e\.g|i\.e|et al|cf|vs|Nos?|Dr|St|[A-Z])\.")
 
 

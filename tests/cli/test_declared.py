@@ -159,7 +159,7 @@ def test_it_is_in_the_table_of_the_documentation():
         assert options_table(call) in page
         assert "<!--" not in page
     causes = hook.on_page_markdown((ROOT / "docs" / "effects.md").read_text(), page=None)
-    assert "| joint compliance |  |" in causes
+    assert "\n| poses that excite it | joint compliance, " in causes
     assert '| servo lag | a run measured while moving (motion.measure = "continuous") |' in causes
     assert causes.partition("\n## ")[0].count("\n| ") == len(effect_kinds()) + 1
 
