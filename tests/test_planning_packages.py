@@ -9,7 +9,6 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from packaging.requirements import Requirement
 
@@ -26,6 +25,7 @@ from planner.session.neutral_program import driven_form
 from planner.session.plan_record import part_hashes
 from planner.session.planned_session import load_session
 from planner.workflow.plan_use import export, simulate
+from tests.not_everywhere import pin
 from tests.workflow.small_plan import write_small_plan
 
 ROOT = Path(planner.__file__).parent

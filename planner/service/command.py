@@ -1,7 +1,10 @@
 """The command serve."""
 
 import os
+import threading
+import webbrowser
 from collections.abc import Sequence
+from http.client import HTTPConnection, HTTPException
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -78,6 +81,7 @@ AccessLogFile = Annotated[str, typer.Option(metavar="FILE", help="log of accesse
 RoleOption = Annotated[Role | None, typer.Option(help="users add, role: what the person may do (default: work)")]
 Label = Annotated[str, typer.Option(help="users token, untoken: what the token is for")]
 NoPassword = Annotated[bool, typer.Option("--no-password", help="users add: a token or a proxy lets the person in")]
+Open = Annotated[bool, typer.Option("--open", help="show the page in a browser; the one that is served there already")]
 
 
 def serve_command(
@@ -106,6 +110,7 @@ def serve_command(
     role: RoleOption = None,
     label: Label = "program",
     no_password: NoPassword = False,
+    open_page: Open = False,
 ) -> None:
     """Serve the planner to browsers and programs: robots, plans, calibrations, as jobs that survive a crash."""
     import_service()
@@ -115,6 +120,11 @@ def serve_command(
     store = (data or default_folder()).resolve()
     if what:
         act(what, UserOptions(role, label, no_password), store)
+        return
+    if open_page and is_served(host, port):
+        address = f"http://{host}:{port}"
+        errors.print(f"served already at {address}")
+        webbrowser.open(address)
         return
     most = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
     shares = share_memory(most, None if memory_gb is None else int(memory_gb * GB), machine_memory())
@@ -137,7 +147,25 @@ def serve_command(
         access_log=access_log,
         root_path=root_path,
     )
-    serve(settings, lambda address: errors.print(f"serving at {address}, jobs and files in {settings.folder}"))
+
+    def announce(address: str) -> None:
+        """Say that the service can be asked, and show its page if that was asked for."""
+        errors.print(f"serving at {address}, jobs and files in {settings.folder}")
+        if open_page:
+            # requests wait until the server takes them
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+    serve(settings, announce)
+
+
+def is_served(host: str, port: int) -> bool:
+    """Tell whether this service answers there already: somebody has started it twice."""
+    try:
+        there = HTTPConnection(host, port, timeout=2)  # [s]; it is this machine
+        there.request("GET", "/api/health")
+        return b"jobs_waiting" in there.getresponse().read()
+    except (OSError, HTTPException):
+        return False
 
 
 def act(words: Sequence[str], options: "UserOptions", store: Path) -> None:

@@ -1,13 +1,13 @@
 """The chain against pinocchio, against finite differences, and its two passes against each other."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from planner.cell.reading import load_cell, shipped_cells
 from planner.kinematics.chain import Chain
 from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.motion.collision.engines import pin_model
+from tests.not_everywhere import pin
 
 ROBOTS = list_robots()
 

@@ -3,7 +3,6 @@
 import re
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from planner.cell.reading import load_cell
@@ -11,6 +10,7 @@ from planner.common.errors import InputError
 from planner.common.files import data_folder
 from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.motion.collision.engines import pin_model
+from tests.not_everywhere import pin
 
 TOPICS = ("kinematics", "limits", "speeds", "accelerations", "jerks", "bodies")
 

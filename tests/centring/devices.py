@@ -6,7 +6,6 @@ import select
 import socket
 import threading
 import time
-import tty
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from planner.centring.robot_link import centring_program
 from planner.centring.settings import RobotSettings
 from tests.centring.krl import Program, text_of, value_of
 from tests.centring.world import pose, shifted
+from tests.not_everywhere import tty
 
 
 def sylvac(value):

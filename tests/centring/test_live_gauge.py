@@ -5,7 +5,6 @@ import json
 import os
 import threading
 import time
-import tty
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from planner.centring.stop import SilentError, UnsettledError
 from planner.common.errors import InputError
 from planner.runs.loader import load_run
 from planner.session.document import read_plan
+from tests.not_everywhere import tty
 
 LENGTHS = [401.5, 388.25, 455.0]
 

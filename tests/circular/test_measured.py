@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from planner.circular.circle import circles_of, replace_circles
@@ -15,6 +14,7 @@ from planner.common.files import document_text
 from planner.motion.collision.engines import pin_model
 from planner.runs.run import Readings, Run
 from planner.simulation.simulated_run import SAMPLE_RATE
+from tests.not_everywhere import pin
 
 PLAY = 6e-5  # [rad] of joint 1
 SHIFT = np.array([2e-4, -3e-4, 0.0])  # [m] of the fixture

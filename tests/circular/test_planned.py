@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from planner.cell.reading import load_cell
@@ -20,6 +19,7 @@ from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
 from tests.circular.conftest import cell_file, quiet
 from tests.motion.timing.bound import KEPT, largest_share
+from tests.not_everywhere import pin
 from tests.programs.reading import read_back, verify
 
 CENTRE = np.array([258.0, 1468.0, 708.0]) * 1e-3

@@ -4,7 +4,6 @@ import hashlib
 import json
 import os
 import re
-import resource
 import signal
 import stat
 import time
@@ -23,6 +22,7 @@ from planner.common.summary import Summary
 from planner.programs.rendering import ProgramFile
 from planner.workflow.writing import write_program_as
 from tests.command import edbb
+from tests.not_everywhere import resource
 
 MAP = 'schema = "edbb-map/1"\nmeasure = "static"\nheader = false\n[columns]\n' + "".join(
     f"q{j}_deg = {j}\n" for j in range(1, 7)

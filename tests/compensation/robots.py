@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 
 from planner.kinematics.chain import Chain
 from planner.kinematics.robot import Robot, elementary_placement
 from planner.kinematics.robot_reader import load_robot
 from planner.motion.collision.engines import pin_model
+from tests.not_everywhere import pin
 
 
 @dataclass(frozen=True)

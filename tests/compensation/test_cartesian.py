@@ -3,7 +3,6 @@
 import re
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
@@ -14,6 +13,7 @@ from planner.compensation.compensated_program import compensate_program
 from planner.compensation.targets import ToolAndBase
 from planner.kinematics.robot import elementary_placement
 from tests.compensation.robots import bent, exact, pin_flange, regular_angles
+from tests.not_everywhere import pin
 
 TOOL = np.array([30.0, -20.0, 180.0, 10.0, -35.0, 90.0])  # X Y Z [mm] A B C [deg]
 BASE = np.array([400.0, 100.0, -50.0, 170.0, 3.0, -5.0])

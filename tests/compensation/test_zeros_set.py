@@ -5,7 +5,6 @@ import tomllib
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from planner.common.files import data_folder
@@ -15,6 +14,7 @@ from planner.kinematics.robot import elementary_placement
 from planner.kinematics.robot_reader import load_robot
 from tests.command import edbb
 from tests.compensation.robots import exact, pin_flange, regular_angles
+from tests.not_everywhere import pin
 
 Q = np.radians([[10, -80, 100, 20, 40, 30], [-20, -60, 80, 10, 50, -40], [35, -70, 60, -15, 60, 20]])
 JOINTS = ",".join(f"q{k}_deg" for k in range(1, 7))

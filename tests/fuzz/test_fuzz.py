@@ -1,6 +1,5 @@
 """No file ends in a traceback, a hang or all of the memory: spoiled files for every way in."""
 
-import resource
 import time
 import warnings
 
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 from planner.common.errors import PlannerError
 from tests.fuzz.seeds import SURFACES
 from tests.fuzz.spoiling import spoiled
+from tests.not_everywhere import resource
 
 LONGEST_S, MOST_BYTES = 10.0, 2 * 1024**3
 QUICK, LONG = 20, 340  # cases for each way in: about 300 and more than 5 000

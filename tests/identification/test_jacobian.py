@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -11,6 +10,7 @@ import tests.identification.rigs as rigs
 from planner.effects.context import Context
 from planner.model.model import Model
 from planner.motion.collision.engines import pin_model
+from tests.not_everywhere import pin
 
 STEP = {"m": 1e-5, "rad": 1e-5, "rad/Nm": 1e-8, "1": 1e-5}
 

@@ -4,12 +4,12 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
 from planner.kinematics.robot_reader import list_robots, load_robot
+from tests.not_everywhere import pin
 
 ARMS = tomllib.loads((Path(__file__).parent / "makers.toml").read_text())["arm"]
 NAMES = [f"{a['robot']} {a['controller']}" for a in ARMS]

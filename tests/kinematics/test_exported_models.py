@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 import yaml
 
 from planner.kinematics.chain import Chain
 from planner.kinematics.robot_reader import load_robot
 from planner.kinematics.robot_writer import exported_models
+from tests.not_everywhere import pin
 
 
 def _changed(name: str, seed: int = 0, size: float = 2e-3) -> tuple:

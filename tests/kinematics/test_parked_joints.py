@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from planner.cell.reading import load_cell
@@ -13,6 +12,7 @@ from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 from planner.kinematics.urdf_writer import write_urdf
 from planner.motion.collision.scene import build_scene
+from tests.not_everywhere import pin
 
 SHAPE = '<collision><origin xyz="0.01 0.02 0.03" rpy="0.1 0.2 0.3"/><geometry><box size="0.02 0.03 0.04"/></geometry>'
 LINK = '<link name="{}">' + SHAPE + "</collision></link>"

@@ -4,13 +4,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.kinematics.robot_reader import load_robot
 from planner.kinematics.urdf_writer import write_urdf
+from tests.not_everywhere import pin
 from tests.workflow.conftest import small_cell
 
 LINKS = ("world", "platform", "column", "carriage", "head", *(f"l{k}" for k in range(1, 7)), "tool")

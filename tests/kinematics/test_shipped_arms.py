@@ -1,10 +1,10 @@
 """Arms that many people own: their rows against the joint origins of the makers' own URDF files, through pinocchio."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from planner.kinematics.robot_reader import load_robot
+from tests.not_everywhere import pin
 
 H, PI = np.pi / 2, np.pi
 SO101 = [

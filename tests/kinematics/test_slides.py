@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from planner.cell.places import joint_keys
@@ -20,6 +19,7 @@ from planner.model.gauge_frames import JointZero
 from planner.model.misfit_place import MisfitPlace
 from planner.motion.collision.engines import pin_model
 from tests.kinematics.sliding_arms import AXES, lift_text, write_rail
+from tests.not_everywhere import pin
 
 STATES = 20
 

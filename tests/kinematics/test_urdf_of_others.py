@@ -5,7 +5,6 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from planner.cell.reading import load_cell
@@ -16,6 +15,7 @@ from planner.kinematics.robot_writer import RobotCorrections, mesh_files, write_
 from tests.kinematics.test_parked_joints import tree
 from tests.kinematics.test_parked_joints import write_robot as write_tree
 from tests.motion.collision.test_meshes import stl
+from tests.not_everywhere import pin
 from tests.workflow.conftest import small_cell
 
 DRAKE = '<drake:proximity_properties><drake:mesh_resolution_hint value="1.5"/></drake:proximity_properties>'

@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -17,6 +16,7 @@ from planner.kinematics.robot_writer import RobotCorrections, write_robot
 from planner.motion.collision.scene import mesh_faces
 from tests.command import edbb
 from tests.identification.few_draws import few_draws
+from tests.not_everywhere import pin
 
 JOINT = """
   <joint name="j{k}" type="revolute">

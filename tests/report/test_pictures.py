@@ -1,7 +1,6 @@
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from matplotlib.image import imread
 
@@ -12,6 +11,7 @@ from planner.report.formatting import bound_text, digits, duration_text, percent
 from planner.report.plan_data import sample_drive, tour_orders
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.plan_types import Plan
+from tests.not_everywhere import pin
 
 
 def volume(mesh: Mesh) -> float:

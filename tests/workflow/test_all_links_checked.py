@@ -5,10 +5,10 @@ import json
 from itertools import pairwise
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from tests.command import edbb
+from tests.not_everywhere import pin
 from tests.workflow.test_unchecked_links import cell_of, fixed, whole_arm
 
 pytestmark = pytest.mark.long  # a whole plan

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import tests.identification.rigs as rigs
@@ -34,6 +33,7 @@ from planner.model.model import Model
 from planner.motion.collision.engines import pin_model
 from planner.runs.run import Samples
 from tests.identification.test_jacobian import agreeing
+from tests.not_everywhere import pin
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.benches import BENCHES
 from tests.simulation.generator.scene import Scene

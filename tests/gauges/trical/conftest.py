@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import planner.design.candidates.balls as balls
 from planner.cell.reading import load_cell
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.motion.collision.engines import pin_model
+from tests.not_everywhere import pin
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import planner
@@ -35,6 +34,7 @@ from tests.identification.calibrated.made import (
     write,
 )
 from tests.identification.calibrated.test_keys import KEYS
+from tests.not_everywhere import pin
 
 URDFS = ["panda.urdf", "slanted"]
 EVERY = [*list_robots(), *URDFS]

@@ -3,7 +3,6 @@
 from functools import cache
 from pathlib import Path
 
-import fcl
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -15,6 +14,7 @@ from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.collision.round_bounds import RoundBounds, ScreenedDistances
+from tests.not_everywhere import fcl
 from tests.workflow.test_lift import LIFT
 from tests.workflow.test_unchecked_links import cell_of, whole_arm
 

@@ -2,13 +2,13 @@ import itertools
 
 import numpy as np
 import pytest
-import ruckig
 
 from planner.common.units import read_only
 from planner.motion.timing.limits import Limits
 from planner.motion.timing.phases import time_steps
 from planner.motion.timing.profile import Stretches, choose_speeds
 from planner.motion.timing.ramps import ramp_length, reachable_speed, travel_time
+from tests.not_everywhere import ruckig
 
 N = 2000
 ONE_JOINT = Limits(*np.array([[1.0], [4.0], [30.0]]))

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import ruckig
 
 import planner
 import planner.motion.timing.phases as timing
 from planner.motion.timing.limits import Limits
 from planner.motion.timing.trajectory import plan_trajectory
 from tests.motion.timing.arm import nj130
+from tests.not_everywhere import ruckig
 from tests.processors import with_threads
 
 ARM = nj130()

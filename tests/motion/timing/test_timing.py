@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-import ruckig
 
 from planner.common.units import read_only
 from planner.motion.timing.limits import Limits
 from planner.motion.timing.phases import time_steps
 from planner.motion.timing.profile import Steps, Stretches, choose_speeds
 from planner.motion.timing.ramps import double_s_phases, ramp_length, travel_time
+from tests.not_everywhere import ruckig
 
 N = 20_000
 HELD = 1.0 + 2e-6

@@ -4,9 +4,9 @@ import tomllib
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
+from tests.not_everywhere import pin
 from tests.simulation.generator.arm import ROBOTS, Arm, moment_of_weight
 from tests.simulation.generator.poses import uniform
 from tests.simulation.generator.shared import NAMES, arm, run

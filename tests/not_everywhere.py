@@ -1,0 +1,31 @@
+"""Modules that not every system has, imported by the test that first uses one; without it the test is skipped."""
+
+from importlib import import_module
+from typing import Any
+
+import pytest
+
+__all__ = ["MODULES", "fcl", "pin", "resource", "ruckig", "tty"]
+
+MODULES = {"pinocchio", "coal", "fcl", "ompl", "ruckig", "resource", "tty", "termios", "pty", "fcntl", "pwd", "msvcrt"}
+"""What no test may import at its head: the packages of planning, and modules of one system."""
+
+
+class Module:
+    """A module that is imported with the first look at a name of it."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, key: str) -> Any:
+        try:
+            return getattr(import_module(self._name), key)
+        except ModuleNotFoundError:
+            pytest.skip(f"{self._name} is not installed here, or not for this system", allow_module_level=True)
+
+
+pin: Any = Module("pinocchio")
+fcl: Any = Module("fcl")
+ruckig: Any = Module("ruckig")
+resource: Any = Module("resource")
+tty: Any = Module("tty")

@@ -1,0 +1,1 @@
+"""The folder for Windows, run by Wine: long tests, skipped where Wine is missing."""
