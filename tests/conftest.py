@@ -19,7 +19,7 @@ gc.set_threshold(20_000, 20, 50)  # all that is imported here is not looked thro
 
 TOGETHER = (
     "tests/report", "tests/circular", "tests/gauges/trical", "tests/studies", "tests/accuracy",
-    "tests/loaded",
+    "tests/loaded", "tests/windows",
 )  # fmt: skip
 LONGEST = (  # by default, and of those that are run on demand
     "tests/programs/linuxcnc/test_motion_controller.py",

@@ -121,10 +121,7 @@ def serve_command(
     if what:
         act(what, UserOptions(role, label, no_password), store)
         return
-    if open_page and is_served(host, port):
-        address = f"http://{host}:{port}"
-        errors.print(f"served already at {address}")
-        webbrowser.open(address)
+    if open_page and show_other_service(host, port):
         return
     most = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
     shares = share_memory(most, None if memory_gb is None else int(memory_gb * GB), machine_memory())
@@ -147,25 +144,28 @@ def serve_command(
         access_log=access_log,
         root_path=root_path,
     )
-
-    def announce(address: str) -> None:
-        """Say that the service can be asked, and show its page if that was asked for."""
-        errors.print(f"serving at {address}, jobs and files in {settings.folder}")
-        if open_page:
-            # requests wait until the server takes them
-            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
-
-    serve(settings, announce)
+    serve(settings, lambda address: announce(address, settings.folder, open_page))
 
 
-def is_served(host: str, port: int) -> bool:
-    """Tell whether this service answers there already: somebody has started it twice."""
+def announce(address: str, folder: Path, open_page: bool) -> None:
+    """Say that the service can be asked, and show its page if that was asked for."""
+    errors.print(f"serving at {address}, jobs and files in {folder}")
+    if open_page:  # requests wait until the server takes them
+        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+
+def show_other_service(host: str, port: int) -> bool:
+    """Show the page of the service that answers there already, as somebody has started it twice; tell whether."""
     try:
         there = HTTPConnection(host, port, timeout=2)  # [s]; it is this machine
         there.request("GET", "/api/health")
-        return b"jobs_waiting" in there.getresponse().read()
+        if b"jobs_waiting" not in there.getresponse().read():
+            return False
     except (OSError, HTTPException):
         return False
+    errors.print(f"served already at http://{host}:{port}")
+    webbrowser.open(f"http://{host}:{port}")
+    return True
 
 
 def act(words: Sequence[str], options: "UserOptions", store: Path) -> None:

@@ -1,11 +1,24 @@
 """Wine with the unzipped folder, once for all tests here. ``EDBB_WINE`` names a folder in which it stays."""
 
 import os
+import re
+import shutil
 from pathlib import Path
 
 import pytest
 
-from tests.windows.wine import Wine, build_folder, require_wine
+from tests.command import edbb
+from tests.docs.test_pages import PAGES, commands
+from tests.windows.wine import ROOT, Wine, build_folder, require_wine
+
+PLAN = ROOT / "tests" / "data" / "kr6-plan"
+PART = "DEF part ( )\n  PTP {A1 10,A2 -80,A3 95,A4 5,A5 40,A6 0} C_PTP\nEND\n"
+MORE = (
+    ("export", "mine/plan.json", "--dialect", "krl", "-o", "p.src"),
+    ("export", "mine/plan.json", "--dialect", "rapid", "-o", "p.mod"),
+    ("check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated", "-o", "checked"),
+    ("import", "axes.log", "gauge.log", "--map", "map.toml", "-o", "imported.csv"),
+)
 
 
 @pytest.fixture(scope="session")
@@ -18,3 +31,37 @@ def wine(tmp_path_factory):
     made = Wine(folder, next(folder.glob("edbb-*-windows.zip"), None) or build_folder(folder))
     yield made
     made.stop()
+
+
+@pytest.fixture(scope="session")
+def folders(wine, tmp_path_factory):
+    """Two folders with the same files, of Windows and of Linux: a plan that was made elsewhere, and a program."""
+    there, here = wine.home / "Köln Zelle 3", tmp_path_factory.mktemp("linux")
+    shutil.rmtree(there, ignore_errors=True)
+    for folder in (there, here):
+        shutil.copytree(PLAN, folder / "mine")
+        (folder / "work.src").write_text(PART)
+        (folder / "axes.log").write_text("".join(f"0.{k};{k};-90;90;0;45;{k}\n" for k in range(10)))
+        (folder / "gauge.log").write_text("".join(f"0.{k};300.{k}\n" for k in range(10)))
+        (folder / "map.toml").write_text(release_map())
+    return there, here
+
+
+def release_map():
+    """The column map with which the release is tried."""
+    return re.search(r"<<'MAP'\n(.*?)^MAP$", (ROOT / ".ci" / "release").read_text(), re.DOTALL | re.MULTILINE)[1]
+
+
+@pytest.fixture(scope="session")
+def walked(wine, folders):
+    """Both folders after all that the page does, in its order; the run is simulated in place of the gauge."""
+    there, here = folders
+    page = [
+        words for words in commands(PAGES["docs/how-to/windows.md"]) if words[0] in ("identify", "compensate", "record")
+    ]
+    assert [words[0] for words in page] == ["identify", "compensate", "record"]
+    for words in [("simulate", "mine/plan.json", "--seed", "1", "-o", "run.csv"), *page, *MORE]:
+        wine.edbb(*words, cwd=there, timeout=1200)
+        done = edbb(*words, cwd=here)
+        assert done.returncode == 0, done.screen
+    return there, here

@@ -1,8 +1,8 @@
 """Wine with the folder that is unzipped on Windows: built once, and what is run in it.
 
 Wine 8 lacks what Windows 10 has: its C library has no complex functions (numpy imports ``crealf``), and
-bcryptprimitives.dll (polars and pydantic load it) is not there. Both are put into the system folder of the prefix,
-never beside the program.
+bcryptprimitives.dll (polars and pydantic load it) is not there. Both are laid beside ``python.exe``: in the system
+folder Wine's own services would load them, and break.
 """
 
 import os
@@ -66,16 +66,14 @@ class Wine:
         self.env = {
             **{k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "OPENBLAS", "COLUMNS"))},
             "WINEPREFIX": str(self.prefix), "WINEARCH": "win64", "WINEDEBUG": "-all", "LC_ALL": "C.UTF-8",
-            "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1",
+            "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "WINEDLLOVERRIDES": "mscoree,mshtml=",
         }  # fmt: skip
         self.home = self.prefix / "drive_c" / "users" / USER / "edbb test"
-        overrides = ["mscoree,mshtml="]
         if not self.prefix.is_dir():
             self._wine("wineboot", "-u")
             self._wine("winecfg", "-v", "win10")
-        if _version() < 9:
-            overrides += self._fill_holes(folder)
-        self.env["WINEDLLOVERRIDES"] = ";".join(overrides)
+            debugger = ("/v", "ShowCrashDialog", "/t", "REG_DWORD", "/d", "0", "/f")
+            self._wine("reg", "add", r"HKCU\Software\Wine\WineDbg", *debugger)
         # Wine's services start here: they must not inherit a pipe, or whoever reads that waits for ever
         subprocess.run([_path_of("wineserver"), "-p"], env=self.env, start_new_session=True, check=False, **QUIET)
         self._wine("cmd", "/c", "exit")
@@ -84,14 +82,15 @@ class Wine:
             zipfile.ZipFile(packed).extractall(self.home)
         self.program = next(self.home.glob("edbb-*"))
         self.python = self.program / "python" / "python.exe"
+        if _version() < 9:
+            self._fill_holes(folder)
 
     def _wine(self, *words):
-        env = {"WINEDLLOVERRIDES": "mscoree,mshtml=", **self.env}
-        subprocess.run(["wine", *words], env=env, start_new_session=True, check=True, timeout=600, **QUIET)
+        subprocess.run(["wine", *words], env=self.env, start_new_session=True, check=True, timeout=600, **QUIET)
 
     def _fill_holes(self, folder):
-        """Put what Wine 8 lacks into the prefix; return what is to be loaded from there."""
-        system, kept = self.prefix / "drive_c" / "windows" / "system32", folder / "dlls"
+        """Lay what Wine 8 lacks beside ``python.exe``, to be loaded from there."""
+        kept = folder / "dlls"
         if not kept.is_dir():
             kept.mkdir()
             get = ["mvn", "-q", "-B", "dependency:copy", f"-Dartifact={C_LIBRARY}", f"-DoutputDirectory={kept}"]
@@ -105,8 +104,8 @@ class Wine:
             compile_it = ["x86_64-w64-mingw32-gcc", "-shared", "-O2", "-o", library, kept / "random.c", "-ladvapi32"]
             subprocess.run(compile_it, check=True)
         for file in kept.glob("*.dll"):
-            shutil.copy(file, system)
-        return [f"{file.stem}=n,b" for file in kept.glob("*.dll")]
+            shutil.copy(file, self.python.parent)
+        self.env["WINEDLLOVERRIDES"] += "".join(f";{file.stem}=n,b" for file in kept.glob("*.dll"))
 
     def windows(self, path):
         """The name by which Windows knows a path of this machine."""

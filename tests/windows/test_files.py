@@ -1,0 +1,175 @@
+"""Files and folders as Windows has them: held open elsewhere, named otherwise, and two that write at once."""
+
+import hashlib
+import shutil
+import subprocess
+
+import pytest
+
+pytestmark = pytest.mark.long
+HOLD = "import sys; f = open(sys.argv[1], 'rb'); print('open', flush=True); sys.stdin.read(1)"
+"""Another program that reads a file: while it does, Windows lets nobody replace the file."""
+NTFS = """
+import os, sys
+held = os.path.abspath(sys.argv.pop(1))
+def refusing(change):
+    def call(a, b, **how):
+        if os.path.isdir(a) and held.lower().startswith(os.path.abspath(a).lower() + os.sep):
+            raise PermissionError(13, 'Access is denied', a, 5, b)
+        return change(a, b, **how)
+    return call
+os.rename, os.replace = refusing(os.rename), refusing(os.replace)
+sys.argv[0] = 'edbb'
+from planner.cli.app import main
+sys.exit(main())
+"""
+"""The program on a disk that moves no folder in which a file is open, as NTFS; Wine's moves it."""
+LOG_MAP = ("--map", "map.toml")
+SINGLE = {
+    "simulate": ("run.csv", "simulate", "mine/plan.json", "--seed", "5", "-o", "run.csv"),
+    "export": ("p.src", "export", "mine/plan.json", "--dialect", "krl", "-o", "p.src"),
+    "compensate": (
+        "work_corrected.src", "compensate", "work.src", "--model", "calibrated/robot.toml", "-o", "work_corrected.src",
+    ),
+    "import": ("imported.csv", "import", "axes.log", "gauge.log", *LOG_MAP, "-o", "imported.csv"),
+    "identify": (
+        "calibrated/robot.toml", "identify", "run.csv", "--cell", "mine/cell.toml", "--plan", "mine/plan.json",
+        "--geometry", "-o", "calibrated",
+    ),
+    "check": (
+        "checked/report.html", "check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated", "-o", "checked",
+    ),
+    "record": ("history/report.html", "record", "RECORD", "-o", "history"),
+}  # fmt: skip
+"""A file that is held, and a command that would write it."""
+DEVICES = ("aux.csv", "NUL", "con.csv", "com1.csv", "LPT9.csv", "ende.", "ende ", "sub/prn.csv", "a:b.csv")
+
+
+@pytest.fixture
+def folder(wine, walked):
+    """A copy of the folder in which all was done."""
+    copy = wine.home / "copy"
+    shutil.rmtree(copy, ignore_errors=True)
+    shutil.copytree(walked[0], copy)
+    (copy / "p.src").write_text("; edbb: of yesterday\n" + (copy / "p.src").read_text())
+    return copy
+
+
+def contents(folder):
+    """Every file with the hash of its bytes."""
+    return {
+        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.rglob("*") if p.is_file()
+    }
+
+
+@pytest.mark.parametrize("verb", SINGLE)
+def test_a_file_that_is_held_is_named_and_all_stays_as_it_was(wine, folder, verb):
+    held, *words = SINGLE[verb]
+    before = contents(folder)
+    holder = wine.start(wine.python, "-c", HOLD, folder / held, stdin=subprocess.PIPE)
+    try:
+        assert b"open" in holder.stdout.readline()
+        force = () if verb in ("check", "record", "identify") else ("--force",)
+        code, said = wine.run(wine.python, "-c", NTFS, folder / held, *words, *force, cwd=folder, timeout=600)
+        assert code == 2, said
+        assert held.rpartition("/")[2] in said.replace("\n", "")
+        assert "Traceback" not in said
+        assert contents(folder) == before
+    finally:
+        holder.communicate(b"\n", timeout=60)
+    wine.edbb(*words, *force, cwd=folder, timeout=600)
+
+
+def test_names_of_devices_and_names_that_windows_changes_are_refused(wine, folder):
+    before = contents(folder)
+    for name in DEVICES:
+        said = wine.edbb("import", "axes.log", "gauge.log", *LOG_MAP, "-o", name, cwd=folder, code=2)
+        assert name.strip(" /").rpartition("/")[2] in said
+    assert contents(folder) == before
+
+
+def test_line_ends_marks_and_letters_of_windows_are_read(wine, folder):
+    """CR LF and the mark before UTF-8 in a run, a cell and a map; names in other cases; umlauts in a file's name."""
+    for name in ("run.csv", "mine/cell.toml", "map.toml"):
+        path = folder / name
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\r\n", b"\n").replace(b"\n", b"\r\n"))
+    wine.edbb("import", "AXES.LOG", "Gauge.log", "--map", "MAP.toml", "-o", "Prüfung.csv", cwd=folder)
+    assert (folder / "Prüfung.csv").read_bytes() == (folder / "imported.csv").read_bytes()
+    words = (
+        "identify",
+        "Run.CSV",
+        "--cell",
+        "MINE/Cell.toml",
+        "--plan",
+        "mine/plan.json",
+        "--geometry",
+        "-o",
+        "größer",
+    )
+    wine.edbb(*words, cwd=folder, timeout=600)
+    assert (folder / "größer" / "report.html").is_file()
+
+
+@pytest.mark.parametrize("console", ["cp1252", "cp437"])
+def test_a_console_of_windows_shows_its_own_letters(wine, folder, console):
+    """What a person sees is in the letters of the console, and the others are spelt plainly."""
+    code = (
+        "import os, sys\n"
+        "for s in (sys.stdout, sys.stderr): s.reconfigure(encoding=sys.argv[1])\n"
+        "os.isatty = lambda n: True\n"  # a pipe here: a screen there
+        "del sys.argv[1]; sys.argv[0] = 'edbb'\n"
+        "from planner.cli.app import main; sys.exit(main())"
+    )
+    words = ("import", "axes.log", "gauge.log", *LOG_MAP, "-o", "Prüfung.csv")
+    process = wine.start(wine.python, "-c", code, console, *words, cwd=folder)
+    said = process.communicate(timeout=300)[0]
+    assert process.returncode == 0, said
+    assert "Prüfung.csv".encode(console) in said
+    assert "Prüfung.csv".encode() not in said
+
+
+def test_long_paths_and_network_names_are_written_as_far_as_wine_has_them(wine, folder):
+    deep = folder.joinpath(*["a folder with a long name of forty letters"] * 6)
+    deep.mkdir(parents=True)
+    assert len(wine.windows(deep)) > 260
+    words = ("import", "axes.log", "gauge.log", *LOG_MAP, "-o")
+    wine.edbb(*words, deep / "out.csv", cwd=folder)
+    wine.edbb(*words, "\\\\?\\" + wine.windows(folder / "network.csv"), cwd=folder)
+    for path in (deep / "out.csv", folder / "network.csv"):
+        assert path.read_bytes() == (folder / "imported.csv").read_bytes()
+
+
+def test_two_processes_write_one_file_and_it_is_whole(wine, folder):
+    made = {}
+    for seed in ("1", "2"):
+        wine.edbb("simulate", "mine/plan.json", "--seed", seed, "-o", f"{seed}.csv", cwd=folder)
+        made[seed] = (folder / f"{seed}.csv").read_bytes()
+    words = ("simulate", "mine/plan.json", "-o", "both.csv", "--force", "--seed")
+    both = [wine.start(wine.program / "edbb.exe", *words, seed, cwd=folder) for seed in made]
+    said = [process.communicate(timeout=600)[0] for process in both]
+    assert 0 in [process.returncode for process in both], said
+    assert (folder / "both.csv").read_bytes() in made.values()
+    assert not list(folder.glob(".edbb*"))
+
+
+STOP = """
+import os, signal, subprocess, sys, time
+signal.signal(signal.SIGINT, lambda *_: None)
+process = subprocess.Popen(sys.argv[1:])
+time.sleep(float(os.environ["STOP_AFTER_S"]))
+print("still there" if process.poll() is None else "ended", flush=True)
+os.kill(0, signal.CTRL_C_EVENT)
+print("exit", process.wait(), flush=True)
+"""
+
+
+def test_control_c_ends_a_command_and_leaves_what_was_there(wine, folder):
+    before = contents(folder)
+    words = ("identify", "run.csv", "--cell", "mine/cell.toml", "--plan", "mine/plan.json", "-o", "calibrated")
+    env = {"STOP_AFTER_S": "15"}
+    code, said = wine.run(wine.python, "-c", STOP, wine.program / "edbb.exe", *words, cwd=folder, env=env, timeout=900)
+    assert code == 0, said
+    if "still there" in said:  # a fast machine may have ended
+        assert "exit 130" in said, said
+        assert "Traceback" not in said
+        assert contents(folder) == before

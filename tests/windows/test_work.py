@@ -1,0 +1,121 @@
+"""The page on the PC at the robot, walked to its end in the unzipped folder: its commands, and Linux's figures."""
+
+import json
+import os
+import re
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from tests.not_everywhere import tty
+
+pytestmark = pytest.mark.long
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+SAME_BYTES = ("run.csv", "p.src", "p.mod", "imported.csv")
+"""What is written from the plan alone; elsewhere two libraries of linear algebra differ in the last digits."""
+WITHIN = 1e-4  # of each number, relative: identification.json
+
+
+def results(folder):
+    """What was written into a folder, by its name."""
+    return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+
+
+def test_the_walk_writes_the_same_files(walked):
+    there, here = walked
+    assert results(there) == results(here)
+    assert {"calibrated/report.html", "calibrated/robot.toml", "history/report.html", "checked/report.html"} <= results(
+        here
+    )
+
+
+@pytest.mark.parametrize("name", SAME_BYTES)
+def test_what_follows_from_the_plan_alone_is_the_same_to_the_byte(walked, name):
+    there, here = walked
+    assert (there / name).read_bytes() == (here / name).read_bytes()
+
+
+@pytest.mark.parametrize("name", ["calibrated/robot.toml", "calibrated/residuals.csv", "work_corrected.src"])
+def test_results_are_those_of_linux(walked, name):
+    there, here = (re.sub(r"sha256.*|[0-9a-f]{12,}", "", (f / name).read_text(encoding="utf-8")) for f in walked)
+    assert NUMBER.sub("", there) == NUMBER.sub("", here)
+    theirs, ours = (np.array([float(n) for n in NUMBER.findall(text)]) for text in (there, here))
+    np.testing.assert_allclose(theirs, ours, rtol=WITHIN, atol=1e-6)
+
+
+def numbers(value, place=""):
+    """Numbers of a document with the place where each stands."""
+    if isinstance(value, dict):
+        return {k: v for key, part in value.items() for k, v in numbers(part, f"{place}.{key}").items()}
+    if isinstance(value, list):
+        return {k: v for n, part in enumerate(value) for k, v in numbers(part, f"{place}.{n}").items()}
+    return {place: float(value)} if isinstance(value, int | float) and not isinstance(value, bool) else {}
+
+
+def test_the_identification_is_that_of_linux(walked):
+    theirs, ours = (
+        numbers(json.loads((folder / "calibrated" / "identification.json").read_text(encoding="utf-8")))
+        for folder in walked
+    )
+    assert theirs.keys() == ours.keys()
+    off = {k: (theirs[k], ours[k]) for k in ours if abs(theirs[k] - ours[k]) > WITHIN * abs(ours[k]) + 1e-9}
+    assert not off
+
+
+class ComPort:
+    """A gauge at COM5 of Wine: a pseudo-terminal of this machine that sends a length all the time."""
+
+    def __init__(self, wine, length_mm):
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        port = wine.prefix / "dosdevices" / "com5"
+        port.unlink(missing_ok=True)
+        port.symlink_to(os.ttyname(slave))
+        self.line, self.on = f"L={length_mm:+10.3f} mm\r\n".encode(), True
+        threading.Thread(target=self._send, daemon=True).start()
+
+    def _send(self):
+        while self.on:
+            os.write(self.master, self.line)
+            time.sleep(0.02)
+
+
+def test_a_gauge_at_a_com_port_is_read(wine, folders):
+    """Two poses, and what was measured is in the run; it goes on where it stopped."""
+    there, _ = folders
+    lengths = {p["id"]: p["length_mm"] for p in json.loads((there / "mine" / "plan.json").read_text())["poses"]}
+    first = min(lengths)
+    port = ComPort(wine, lengths[first] + 0.25)
+    words = ("measure", "mine/plan.json", "--serial-port", "COM5", "-o", "measured.csv")
+    try:
+        said = wine.edbb(*words, cwd=there, input=b"\r\nq\r\n", timeout=300)
+    finally:
+        port.on = False
+    assert f"{lengths[first] + 0.25:.3f} mm" in said
+    assert f"{lengths[first] + 0.25:.3f}" in (there / "measured.csv").read_text()
+
+
+def test_planning_says_what_to_do(wine, folders):
+    there, _ = folders
+    said = wine.edbb("plan", "kuka-kr6-r700/edbb", "-o", "no", cwd=there, code=4)
+    assert "--server URL" in said
+    assert "WSL" in said
+    assert not (there / "no").exists()
+
+
+def test_a_linux_pc_plans_for_it(wine, folders, tmp_path):
+    """``--server``: the plan of a Linux PC lies in the folder of the PC that asked."""
+    from tests.service.test_cell_side import Service
+    from tests.workflow.conftest import FEWER, small_cell
+
+    there, _ = folders
+    small_cell("kuka-kr6-r700/edbb", there / "mine", *FEWER)
+    service = Service(tmp_path).begin()
+    words = ("plan", "mine/edbb.toml", "--poses", "30", "-o", "far")
+    try:
+        wine.edbb("--server", service.address, *words, cwd=there, timeout=900)
+    finally:
+        service.cut()
+    assert {"plan.json", "report.html", "cell.toml"} <= {p.name for p in (there / "far").iterdir()}
