@@ -52,7 +52,7 @@ def map_to_opcua(record: RobotRecord) -> OpcUaRecord:
 
     Where a check has failed the robot is not calibrated, and the predicted time is that of the check.
     """
-    found = [(e.file.circumstances, e.document) for e in record.entries if isinstance(e.document, Identification)]
+    found = [(e.file.circumstances, e.document) for e in record.valid_entries if isinstance(e.document, Identification)]
     prognosis = OpcUaPrognosis(
         predicted_time=_begin(record.next_check),
         calibrated=record.calibration_date is not None,

@@ -29,6 +29,10 @@ def record_command(
     tool: Annotated[str, typer.Option("--tool-name", help="on the flange")] = "",
     gauge: Annotated[str, typer.Option(help="kind and serial number of the gauge")] = "",
     certificate: Annotated[str, typer.Option(help="number of the gauge's certificate")] = "",
+    withdraw: Annotated[
+        int | None, typer.Option(metavar="ENTRY", help="number of an entry that counts no more; it stays")
+    ] = None,
+    reason: Annotated[str, typer.Option(help="why it is withdrawn")] = "",
     output: OptionalOutput = None,
     as_json: Json = False,
     manner: Manner = PLAINLY,
@@ -42,4 +46,5 @@ def record_command(
         "gauge": gauge, "certificate": certificate,
     }  # fmt: skip
     when = validate(said, Circumstances, "edbb record")
-    give(lambda _: recording.record(folder, add=add, serial=serial, circumstances=when), output, as_json, manner=manner)
+    given = {"add": add, "serial": serial, "circumstances": when, "withdraw": withdraw, "reason": reason}
+    give(lambda _: recording.record(folder, **given), output, as_json, manner=manner)

@@ -73,7 +73,7 @@ def drift_chart(record: RobotRecord) -> Chart | None:
     checks = record.checks
     if not checks:
         return None
-    first = record.entries[0].file.circumstances.date
+    first = record.valid_entries[0].file.circumstances.date
     days = np.array([float((when - first).days) for when, _ in checks])
     series = tuple(
         Series(d.name if mark == "line" else "", days, np.array(d.motions)[:, 0], JOINTS[k % len(JOINTS)], mark)
@@ -116,7 +116,7 @@ SHOWN_HEAD = (*HEAD[:5], "temperature (°C)", *HEAD[6:])
 def report_record(record: RobotRecord) -> Report:
     """Return the page of a record and its picture."""
     chart, file = drift_chart(record), record.file
-    due = f"next check due {record.due_text}" if record.due_text else "no entry yet"
+    due = f"next check due {record.due_text}" if record.due_text else "no entry that counts"
     page = {
         "title": f"Robot {file.serial}",
         "model": file.robot,
@@ -124,7 +124,7 @@ def report_record(record: RobotRecord) -> Report:
         "head": SHOWN_HEAD,
         "rows": record_rows(record),
     }
-    gauges = [e.file.circumstances.gauge for e in record.entries if e.file.circumstances.gauge]
+    gauges = [e.file.circumstances.gauge for e in record.valid_entries if e.file.circumstances.gauge]
     identity = (f"robot {file.robot}, serial number {file.serial}", *gauges[-1:])
     charts = () if chart is None else (chart,)
     return Report("record.html.j2", page, charts, identity=identity, simulated=record.simulated)

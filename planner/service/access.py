@@ -27,13 +27,14 @@ class Rule:
 
 
 LOOKED_AT = (
-    "/", "/jobs", "/jobs/{id}", "/jobs/{id}/session", "/jobs/{id}/certificate", "/robots/{serial}", "/compare",
+    "/", "/jobs", "/jobs/{id}", "/jobs/{id}/session", "/jobs/{id}/certificate", "/jobs/{id}/correct",
+    "/sessions/{id}", "/certificates/{number}", "/robots/{serial}", "/compare",
     "/cells/{robot}/{cell}", "/cells/{cell}", "/calibrate", "/metrics",
     "/api/health", "/api/robots", "/api/robots/{name}", "/api/dialects", "/api/cells", "/api/cells/{robot}/{cell}",
     "/api/runs", "/api/files/{id}", "/api/jobs", "/api/jobs/{id}", "/api/jobs/{id}/result", "/api/jobs/{id}/report",
     "/api/jobs/{id}/files/{name:path}", "/api/events", "/api/records", "/api/records/{serial}",
-    "/api/contents/{sha256}", "/api/jobs/{id}/ticks", "/api/records/{serial}/opcua", "/api/records/{serial}/export",
-    "/worker.js",
+    "/api/contents/{sha256}", "/api/sessions", "/api/sessions/{id}", "/api/records/{serial}/opcua",
+    "/api/records/{serial}/export", "/worker.js", "/api/certificates/{number}", "/api/certificates/{number}/pdf",
 )  # fmt: skip
 PLURALS = {"study": "studies"}
 
@@ -58,7 +59,13 @@ RULES = {
     "PATCH /api/jobs/{id}": Rule(Role.WORK, "changed a job"),
     "DELETE /api/jobs/{id}": Rule(Role.WORK, "deleted a job"),
     "POST /api/jobs/{id}/cancel": Rule(Role.WORK, "stopped a job"),
-    "POST /api/jobs/{id}/ticks": Rule(Role.WORK, "ticked a checklist"),
+    "POST /api/sessions": Rule(Role.WORK, "began a session at the cell"),
+    "POST /api/sessions/{id}/ticks": Rule(Role.WORK, "ticked a checklist"),
+    "POST /api/records/{serial}/withdrawal": Rule(Role.WORK, "withdrew a robot"),
+    "POST /api/certificates": Rule(Role.WORK, "issued a certificate"),
+    "POST /api/certificates/{number}/withdrawal": Rule(Role.WORK, "withdrew a certificate"),
+    "PUT /api/records/{serial}": Rule(Role.WORK, "began a robot's record"),
+    "POST /api/records/{serial}/entries/{number}/withdrawal": Rule(Role.WORK, "withdrew an entry of a record"),
     "POST /api/records/{serial}/entries": Rule(Role.WORK, "added to a robot's record"),
     "GET /api/deeds": Rule(Role.ADMINISTER),
     "GET /deeds": Rule(Role.ADMINISTER),

@@ -2,7 +2,7 @@
 
 import json
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -10,6 +10,8 @@ from planner.common.schema import StrictModel
 from planner.service.job_filter import State
 from planner.service.job_queue import Outlook
 from planner.service.job_record import JobOutput, JobProblem, JobRecord
+
+Sense = Literal["good", "bad", "open"]
 
 
 class StoredFile(StrictModel):
@@ -50,7 +52,12 @@ class Job(StrictModel):
     url: str
     note: str = Field("", description="what a person has written to it")
     archived: bool = Field(False, description="kept, and not in the list")
-    person: str = Field("", description="who asked for it; empty where nobody had to say")
+    person: str = Field("", description="who asked for it first; empty where nobody had to say")
+    people: list[str] = Field([], description="all who have asked for it: it belongs to each")
+    serial: str = Field("", description="number of the robot that it is of, where that is known")
+    verdict: str = Field("", description="what it has found, in words", examples=["changed"])
+    sense: Sense | None = Field(None, description="whether that is good; none where it judges nothing")
+    fault: str = Field("", description="why the calibration that it is, or corrects by, holds no more; not in lists")
     position: int | None = Field(None, description="place among those that wait, from 1; not in lists")
     left_s: float | None = Field(None, description="until it is done [s], by like jobs; not in lists")
 

@@ -80,6 +80,7 @@ RootPath = Annotated[str, typer.Option(metavar="PATH", help="where a proxy has t
 AccessLogFile = Annotated[str, typer.Option(metavar="FILE", help="log of accesses; - for standard error")]
 RoleOption = Annotated[Role | None, typer.Option(help="users add, role: what the person may do (default: work)")]
 Label = Annotated[str, typer.Option(help="users token, untoken: what the token is for")]
+SamePerson = Annotated[bool, typer.Option("--same-person", help="users add: who had this name before is back")]
 NoPassword = Annotated[bool, typer.Option("--no-password", help="users add: a token or a proxy lets the person in")]
 Open = Annotated[bool, typer.Option("--open", help="show the page in a browser; the one that is served there already")]
 
@@ -110,6 +111,7 @@ def serve_command(
     role: RoleOption = None,
     label: Label = "program",
     no_password: NoPassword = False,
+    same_person: SamePerson = False,
     open_page: Open = False,
 ) -> None:
     """Serve the planner to browsers and programs: robots, plans, calibrations, as jobs that survive a crash."""
@@ -119,7 +121,7 @@ def serve_command(
 
     store = (data or default_folder()).resolve()
     if what:
-        act(what, UserOptions(role, label, no_password), store)
+        act(what, UserOptions(role, label, no_password, same_person), store)
         return
     if open_page and show_other_service(host, port):
         return

@@ -5,13 +5,16 @@ import shutil
 import sqlite3
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import wraps
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, ParamSpec, cast
 
 from fastapi import Depends, Request
+from fastapi.responses import HTMLResponse
 
+from planner.common.errors import InputError
 from planner.service.answers import Job, describe_job
 from planner.service.callers import CALLER, CallerFinder
 from planner.service.cell_notes import CellNotes
@@ -21,18 +24,23 @@ from planner.service.file_store import FileStore, UploadList
 from planner.service.guesses import GuessLimit
 from planner.service.job_folder import JobFolder
 from planner.service.job_keeping import JobKeeper, QuotaError
-from planner.service.job_record import JobProblem, JobRecord
+from planner.service.job_record import JobCommand, JobProblem, JobRecord
 from planner.service.job_request import JobRequest
 from planner.service.job_store import MOST_CRASHES, JobStore
 from planner.service.people import PeopleStore
 from planner.service.record_store import RecordStore
 from planner.service.runner import JobRunner
+from planner.service.session_store import SessionStore
 from planner.service.settings import GB, JobLimits, ServiceSettings
-from planner.service.tick_store import TickStore
+from planner.service.standing import Judge
 from planner.service.webhook import Notifier
 
 TROUBLE_S = 2.0  # [s] to the next try after a failure
 LOG = logging.getLogger("edbb.service")
+
+
+class ChangedRobotError(InputError):
+    """A program is to be corrected by a calibration that holds no more."""
 
 
 class Supervisor:
@@ -142,7 +150,8 @@ class ServiceContext:
     guesses: GuessLimit
     finder: CallerFinder
     deeds: DeedLog
-    ticks: TickStore
+    sessions: SessionStore
+    judge: Judge
     notifier: Notifier
     cells: CellNotes
     _submitting: threading.Lock = field(default_factory=threading.Lock)
@@ -153,11 +162,13 @@ class ServiceContext:
         Raises:
             InputError: it names what is not there.
             QuotaError: the person has as many jobs or files as one may.
+            ChangedRobotError: it corrects a program by a calibration that holds no more.
         """
         self.files.check_room()
         folder = JobFolder(self.jobs, self.files, self.uploads, self.cells)
         with self.jobs.at_one_moment():
             command = request.command(folder)
+            self._check_standing(request, command)
             title, text, robot = request.subject(folder), request.model_dump_json(), request.robot(folder)
         id, person = request.job_id(command), CALLER.get().name
         with self._submitting:  # nobody slips past the quota by asking often at the same moment
@@ -166,6 +177,23 @@ class ServiceContext:
             job = self.jobs.submit(id, request.job_kind, title, text, command, robot, person, check_inputs=True)
         self.supervisor.wake()
         return job
+
+    def _check_standing(self, request: JobRequest, command: JobCommand) -> None:
+        """Refuse to correct a program by a calibration that holds no more, unless the request says so.
+
+        Raises:
+            ChangedRobotError: it holds no more.
+        """
+        if request.first_word != "compensate" or request.is_despite_change:
+            return
+        made = {
+            j.id for given in command.inputs for j in self.jobs.jobs_with("outputs", given.sha256, "identification")
+        }
+        fault = next((f for id in sorted(made) if (f := self.judge.standing(id).fault)), "")
+        if fault:
+            raise ChangedRobotError(
+                f"{fault}. A program corrected by this calibration may be wrong; despite_change corrects it anyway"
+            )
 
     def check_quota(self, person: str, new_jobs: int = 1) -> None:
         """Refuse more of a person who has as much as one may.
@@ -188,7 +216,28 @@ class ServiceContext:
         """Return a job as the interface shows it."""
         with self.jobs.at_one_moment():
             outlook = None if job.ended else self.jobs.outlook(job.id, self.settings.workers)
-            return describe_job(job, self.jobs.outputs(job.id) if job.ended else [], outlook)
+            found = describe_job(job, self.jobs.outputs(job.id) if job.ended else [], outlook)
+            fault = self.judge.standing(self._calibration(found) or "").fault if job.ended else ""
+            return self._add_findings([found.model_copy(update={"fault": fault})])[0]
+
+    def _calibration(self, job: Job) -> str | None:
+        """Return the identification that a job is, or whose robot it corrects for."""
+        return (
+            job.id if job.kind == "identification" else job.request.get("model") if job.kind == "compensation" else None
+        )
+
+    def _add_findings(self, jobs: list[Job]) -> list[Job]:
+        """Return jobs with what each has found, of which robot it is and who has asked for it."""
+        serials, people = (find([j.id for j in jobs]) for find in (self.jobs.serials_of, self.jobs.people_of))
+        out = []
+        for job in jobs:
+            verdict, known = (
+                self.judge.verdict(job),
+                {"serial": serials.get(job.id, ""), "people": people.get(job.id, [])},
+            )
+            said = {} if verdict is None else {"verdict": verdict.words, "sense": verdict.sense}
+            out.append(job.model_copy(update=known | said))
+        return out
 
     def show(self, id: str) -> Job:
         """Return the job of an identifier as the interface shows it, all of it of one moment.
@@ -202,7 +251,7 @@ class ServiceContext:
     def describe_all(self, jobs: Sequence[JobRecord]) -> list[Job]:
         """Return jobs as the interface shows them."""
         outputs = self.jobs.outputs_of([j.id for j in jobs if j.ended])
-        return [describe_job(j, outputs.get(j.id, [])) for j in jobs]
+        return self._add_findings([describe_job(j, outputs.get(j.id, [])) for j in jobs])
 
 
 async def context_of(request: Request) -> ServiceContext:
@@ -211,3 +260,20 @@ async def context_of(request: Request) -> ServiceContext:
 
 
 Context = Annotated[ServiceContext, Depends(context_of)]
+
+
+Page = ParamSpec("Page")
+
+
+def at_one_moment(page: Callable[Page, HTMLResponse]) -> Callable[Page, HTMLResponse]:
+    """Let all that a page says be of one moment: jobs may begin, end and be deleted while it is made."""
+
+    @wraps(page)
+    def read(*args: Page.args, **named: Page.kwargs) -> HTMLResponse:
+        """Read the records that have changed, then the page."""
+        context = cast(ServiceContext, named["context"])
+        context.records.index.refresh()
+        with context.jobs.at_one_moment():
+            return page(*args, **named)
+
+    return read

@@ -74,7 +74,28 @@ CREATE TABLE ticks (
 """
 NOTICES = "CREATE TABLE notices (url TEXT PRIMARY KEY, last INTEGER NOT NULL);"
 CELL_NOTES = "CREATE TABLE cell_notes (sha256 TEXT PRIMARY KEY, title TEXT NOT NULL, note TEXT NOT NULL);"
-MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE, TICKS, NOTICES, CELL_NOTES)
+RECORDS = """
+ALTER TABLE recorded ADD COLUMN withdrawn INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE recorded ADD COLUMN number INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE recorded ADD COLUMN kind TEXT NOT NULL DEFAULT '';
+DELETE FROM recorded;
+DELETE FROM robots;
+CREATE TABLE askers (job TEXT NOT NULL REFERENCES jobs (id), person TEXT NOT NULL, PRIMARY KEY (job, person));
+INSERT INTO askers SELECT id, person FROM jobs;
+CREATE INDEX askers_by_person ON askers (person);
+CREATE TABLE cell_sessions (
+    id TEXT PRIMARY KEY, plan TEXT NOT NULL REFERENCES jobs (id), serial TEXT NOT NULL, begun REAL NOT NULL,
+    person TEXT NOT NULL, ended REAL);
+CREATE INDEX cell_sessions_by_serial ON cell_sessions (serial, begun);
+CREATE INDEX cell_sessions_by_plan ON cell_sessions (plan);
+CREATE TABLE session_ticks (
+    session TEXT NOT NULL REFERENCES cell_sessions (id), step TEXT NOT NULL, done INTEGER NOT NULL, at REAL NOT NULL,
+    person TEXT NOT NULL, PRIMARY KEY (session, step));
+INSERT INTO cell_sessions SELECT job, job, '', min(at), '', NULL FROM ticks GROUP BY job;
+INSERT INTO session_ticks SELECT job, step, done, at, person FROM ticks;
+DROP TABLE ticks;
+"""  # the index of records is read anew
+MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE, TICKS, NOTICES, CELL_NOTES, RECORDS)
 """Statements that lead from one version of the store to the next; the version is how many of them it has seen."""
 VERSION = len(MIGRATIONS)
 NAMING = ("outputs", "inputs", "uploads")  # tables that name files of the store: what stands in none of them may go

@@ -27,19 +27,25 @@ from planner.service.job_keeping import JobChanges
 from planner.service.job_record import JobEvent, JobOutput, JobRecord
 from planner.service.job_request import JobRequest
 from planner.service.job_requests import REQUESTS
-from planner.service.job_store import JobStore
+from planner.service.job_store import JobCheck, JobStore
 from planner.service.problems import Problem
 
 JOBS = APIRouter(prefix="/api", tags=["jobs"])
 
 
-def check_own(job: JobRecord) -> None:
-    """Refuse to change another person's job, unless an administrator asks.
+def own_check(context: ServiceContext) -> JobCheck:
+    """Return what refuses to change a job that only others have asked for, unless an administrator asks.
 
-    Raises:
-        ForbiddenError: it is another person's.
+    It raises ForbiddenError.
     """
-    CALLER.get().check_owner(job.person)
+
+    def check(job: JobRecord) -> None:
+        """Refuse a job of others."""
+        asked = context.jobs.askers(job.id)
+        if CALLER.get().name not in asked:
+            CALLER.get().check_owner(min(asked - {""}, default=""))
+
+    return check
 
 
 Kind = Literal[
@@ -55,8 +61,10 @@ class JobPage(StrictModel):
     kind: Kind | None = None
     state: State | None = None
     robot: Annotated[str, Field(max_length=100)] | None = Field(None, description="model of the robot")
-    person: Annotated[str, Field(max_length=64)] | None = Field(None, description="who asked for it")
-    q: str = Field("", max_length=200, description="text that the title has")
+    person: Annotated[str, Field(max_length=64)] | None = Field(
+        None, description="who asked for it, alone or with others"
+    )
+    q: str = Field("", max_length=200, description="text that title, note or serial number has")
     since: AwareDatetime | None = Field(None, description="submitted then or later")
     until: AwareDatetime | None = Field(None, description="submitted before")
     tasks: bool = Field(False, description="also what only serves a page: views and checks of cells")
@@ -126,19 +134,25 @@ async def get_job(id: JobId, context: Context) -> Job:
 @JOBS.patch("/jobs/{id}", responses={404: {"model": Problem}})
 def change_job(id: JobId, changes: JobChanges, context: Context) -> Job:
     """Give a job another title or a note, or put it aside; what is not given stays."""
-    return context.describe(context.keeper.change(id, changes, check_own))
+    return context.describe(context.keeper.change(id, changes, own_check(context)))
 
 
 @JOBS.delete("/jobs/{id}", status_code=204, responses={404: {"model": Problem}, 409: {"model": Problem}})
 def delete_job(id: JobId, context: Context) -> None:
-    """Delete a job with what only it needs: its files, and the views of pages that start from it."""
-    context.keeper.delete(id, check_own)
+    """Delete a job with what only it needs: its files, and the views of pages that start from it.
+
+    What others have asked for too stays theirs: it is only no longer the caller's.
+    """
+    if not context.jobs.leave(id, CALLER.get().name):
+        context.keeper.delete(id, own_check(context))
 
 
 @JOBS.post("/jobs/{id}/cancel", responses={404: {"model": Problem}})
 def cancel_job(id: JobId, context: Context) -> Job:
-    """Stop a job; what has ended stays as it is."""
-    return context.describe(context.jobs.cancel(id, check_own))
+    """Stop a job; what has ended stays as it is, and what others have asked for too goes on for them."""
+    if not context.jobs.get(id).ended and context.jobs.leave(id, CALLER.get().name):
+        return context.show(id)
+    return context.describe(context.jobs.cancel(id, own_check(context)))
 
 
 @JOBS.get("/jobs/{id}/result", responses={404: {"model": Problem}, 409: {"model": Problem}})

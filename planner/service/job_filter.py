@@ -38,6 +38,16 @@ class JobPlace:
         return f"{self.created!r}-{self.id}"
 
 
+SERIALS = """
+SELECT outputs.job AS job, serial FROM recorded JOIN outputs ON outputs.sha256 = document_sha256
+UNION SELECT inputs.job, serial FROM recorded JOIN inputs ON inputs.sha256 = document_sha256
+UNION SELECT plan, serial FROM cell_sessions WHERE serial != ''
+"""
+"""Jobs with the serial numbers of their robots: whose results a record holds, that start from one, whose plan it is."""
+OF_SERIAL = f"SELECT job FROM ({SERIALS}) WHERE instr(lower(serial), ?) > 0"
+OF_TEXT = f"(instr(lower(title || ' ' || note), ?) > 0 OR id IN ({OF_SERIAL}))"
+
+
 @dataclass(frozen=True)
 class JobFilter:
     """What is wanted of jobs; nothing where all are.
@@ -47,7 +57,7 @@ class JobFilter:
         state: how far it is.
         robot: model of the robot.
         person: who asked for it.
-        text: stands in title or note.
+        text: stands in title, note, or the serial number of its robot.
         since, until: when it was submitted [s since 1970].
         tasks: whether the tasks of pages (views, checks of cells) are in the list of all kinds.
         archived: whether those are wanted that were put aside, or the others; both where it is ``None``.
@@ -67,9 +77,10 @@ class JobFilter:
         """Return the condition of a query, and the values of its places."""
         parts: list[tuple[str, object]] = [
             ("kind = ?", self.kind), ("state = ?", self.state), ("robot = ?", self.robot), ("created >= ?", self.since),
-            ("created < ?", self.until), ("instr(lower(title || ' ' || note), ?) > 0", self.text.lower() or None),
+            ("created < ?", self.until), (OF_TEXT, self.text.lower() or None),
             ("task = ?", None if self.kind or self.tasks else 0), ("archived = ?", self.archived),
-            ("person = ?", self.person),
+            ("id IN (SELECT job FROM askers WHERE person = ?)", self.person),
         ]  # fmt: skip
         given = [(text, value) for text, value in parts if value is not None]
-        return " AND ".join(["1", *(text for text, _ in given)]), tuple(value for _, value in given)
+        values = (v for text, value in given for v in [value] * text.count("?"))
+        return " AND ".join(["1", *(text for text, _ in given)]), tuple(values)

@@ -21,8 +21,10 @@ from planner.service.job_record import JobRecord
 from planner.service.job_store import JobCheck, JobStore, is_named
 from planner.service.record_index import RecordIndex
 from planner.service.settings import DAY_S, Retention
+from planner.service.standing import read_check
 
 LOG = logging.getLogger("edbb.service")
+SESSIONS = ("cell_sessions", "plan")  # table, and what names the job there
 
 
 class KeptJobError(InputError):
@@ -104,16 +106,27 @@ class JobKeeper:
         """Delete what the database has of a job and of its views; return the hashes of their files."""
         job, named_by = self._jobs.get(id), _jobs_naming(db, id)
         check(job)
-        reason = _reason_to_keep(db, job, named_by)
+        reason = _reason_to_keep(db, job, named_by) or self._binding(db, job)
         if reason:
             raise KeptJobError(f"the {job.kind} {id} cannot be deleted: {reason}")
         gone = [id, *(other["id"] for other in named_by if other["task"])]
         contents = {c for one in gone for c in _contents(db, one)}
         for one in gone:
-            for table in ("events", "outputs", "inputs", "ticks"):
-                db.execute(f"DELETE FROM {table} WHERE job = ?", (one,))
+            ticks = "DELETE FROM session_ticks WHERE session IN (SELECT id FROM cell_sessions WHERE plan = ?)"
+            db.execute(ticks, (one,))
+            for table, key in (("events", "job"), ("outputs", "job"), ("inputs", "job"), ("askers", "job"), SESSIONS):
+                db.execute(f"DELETE FROM {table} WHERE {key} = ?", (one,))
             db.execute("DELETE FROM jobs WHERE id = ?", (one,))
         return contents
+
+    def _binding(self, db: sqlite3.Connection, job: JobRecord) -> str:
+        """Return of which robot a check has found a change: it binds the calibration, and does not just go."""
+        query = "SELECT serial FROM recorded JOIN inputs ON document_sha256 = sha256 WHERE job = ? AND withdrawn = 0"
+        row = db.execute(query, (job.id,)).fetchone() if job.kind == "check" else None
+        found = next((o for o in self._jobs.outputs(job.id) if o.name == "check.json"), None)
+        if row is None or found is None or read_check(self._files.path(found.sha256)).passed:
+            return ""
+        return f"it has found a change of the robot {row['serial']}; withdraw it in the record with a reason"
 
     def sweep(self, kept: Retention, now: float) -> int:
         """Delete what is older, and the oldest while the store is larger, than is to be kept; return how many jobs.
@@ -198,6 +211,9 @@ def _reason_to_keep(db: sqlite3.Connection, job: JobRecord, named_by: Sequence[s
     row = db.execute(cited, (job.id,)).fetchone()
     if row is not None:
         return f"the record of the robot {row['serial']} cites it"
+    row = db.execute("SELECT serial FROM cell_sessions WHERE plan = ? AND serial != '' LIMIT 1", (job.id,)).fetchone()
+    if row is not None:
+        return f"the robot {row['serial']} was measured by it"
     for other in named_by:
         if not other["task"]:
             return f"the {other['kind']} {other['id']} starts from it; delete that first"

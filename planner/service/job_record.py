@@ -6,8 +6,6 @@ from pydantic.dataclasses import dataclass as model
 
 from planner.service.job_filter import State
 
-TRIED_AGAIN = (None, 1, 4)  # exit codes after which the same request may succeed: killed, a mistake, a missing program
-
 
 @model(frozen=True)
 class JobInput:
@@ -98,7 +96,8 @@ class JobRecord:
     @property
     def is_tried_again(self) -> bool:
         """Whether it is run again when the same is asked for."""
-        return self.state == "cancelled" or (self.state == "failed" and self.exit_code in TRIED_AGAIN)
+        may_succeed = (None, 1, 4)  # exit codes: killed, a mistake, a missing program
+        return self.state == "cancelled" or (self.state == "failed" and self.exit_code in may_succeed)
 
 
 @dataclass(frozen=True)

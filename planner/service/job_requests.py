@@ -36,13 +36,6 @@ from planner.workflow.verbs import declared_calls
 
 VERBS = (*declared_calls(), "robots", "dialects")  # commands that run on a server
 ERROR_MAP_FILES = ("expected_error.csv", "identification.json")
-# either one file, or a simulation
-ONE_RUN: dict[str, Any] = {
-    "oneOf": [
-        {"required": ["runs"], "properties": {"runs": {"minItems": 1, "maxItems": 1}, "simulation": {"type": "null"}}},
-        {"required": ["simulation"], "properties": {"simulation": {"type": "string"}, "runs": {"maxItems": 0}}},
-    ]
-}
 SOME_JOB, SOME_FILE = "0123456789abcdef01234567", "0" * 64  # ids that stand in examples of requests
 
 
@@ -252,13 +245,21 @@ class ErrorMapRequest(OfIdentificationRequest):
         return [folder.cell_of(self.model)]
 
 
+def schema_of_one_run() -> dict[str, Any]:
+    """Return the schema of a request with either one file, or a simulation."""
+    one, none = {"minItems": 1, "maxItems": 1}, {"maxItems": 0}
+    runs = {"required": ["runs"], "properties": {"runs": one, "simulation": {"type": "null"}}}
+    simulation = {"required": ["simulation"], "properties": {"simulation": {"type": "string"}, "runs": none}}
+    return {"oneOf": [runs, simulation]}
+
+
 @take_fields(AccuracyCall)
 class ValidationRequest(MeasuredRequest):
     """What a validation has beside what it declares: run, plan and cell."""
 
     kind = "validation"
     document = "accuracy.json"
-    model_config = ConfigDict(json_schema_extra={"allOf": [ONE_RUN, PLAN_OR_CELL]})
+    model_config = ConfigDict(json_schema_extra={"allOf": [schema_of_one_run(), PLAN_OR_CELL]})
     example = {"runs": [{"id": SOME_FILE, "name": "v.csv"}], "cell": "kuka-kr6-r700/tracker"}
 
     def arguments(self, folder: JobFolder) -> list[str]:
@@ -327,6 +328,12 @@ class CompensationRequest(JobRequest):
             description="the other files of the program, corrected along with it: .dat of a .src, modules",
         ),
     ] = []
+    despite_change: bool = Field(False, description="correct by a calibration that holds no more, too")
+
+    @property
+    def is_despite_change(self) -> bool:
+        """Whether whoever asks knows that the calibration may hold no more."""
+        return self.despite_change
 
     def arguments(self, folder: JobFolder) -> list[str]:
         """Lay the other files of the program beside it, and return its name."""
@@ -335,8 +342,8 @@ class CompensationRequest(JobRequest):
         return [folder.file(self.program)]
 
     def output_words(self) -> tuple[str, ...]:
-        """Return the words for the folder of the corrected files."""
-        return ("-o", "out/")
+        """Return the words for the folder of the corrected files; what is to be expected is printed."""
+        return ("-o", "out/", "--json")
 
     def subject(self, folder: JobFolder) -> str:
         """Return the name of the program."""

@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import fields
+from typing import Literal
 
 from pydantic import TypeAdapter
 
 from planner import __version__
 from planner.common.errors import InputError
 from planner.service.database import NAMING, Database
-from planner.service.job_filter import JobFilter, JobPlace, State
+from planner.service.job_filter import SERIALS, JobFilter, JobPlace, State
 from planner.service.job_queue import Foresight, Outlook, foresee_ends, next_job
 from planner.service.job_record import JobCommand, JobEvent, JobOutput, JobProblem, JobRecord
 from planner.service.owner import is_gone, own_name
@@ -77,6 +78,8 @@ class JobStore:
             elif found.state == "running" and found.cancelled:  # not stopped yet: it may go on
                 db.execute("UPDATE jobs SET cancelled = 0, person = ? WHERE id = ?", (person, id))
             elif found.is_tried_again:
+                if found.state == "cancelled":  # who had asked for it wanted it no more
+                    db.execute("DELETE FROM askers WHERE job = ?", (id,))
                 db.execute(
                     "UPDATE jobs SET state = 'queued', crashes = 0, deaths = 0, cancelled = 0, problem = '',"
                     " exit_code = NULL, finished = NULL, stage = '', done = 0, total = 0, person = ? WHERE id = ?",
@@ -85,6 +88,7 @@ class JobStore:
                 db.execute("DELETE FROM outputs WHERE job = ?", (id,))
                 db.execute("DELETE FROM events WHERE job = ?", (id,))  # who follows it must not meet the earlier end
                 _tell(db, id, "queued", {})
+            db.execute("INSERT OR IGNORE INTO askers VALUES (?, ?)", (id, person))
             return self.get(id)
 
     def get(self, id: str) -> JobRecord:
@@ -189,6 +193,20 @@ class JobStore:
         with self._db.write() as db:
             _wait_again(db, job, int(crashed), "its process was killed" if crashed else "the server stopped")
 
+    def askers(self, id: str) -> set[str]:
+        """Return who has asked for a job, and still wants it."""
+        return {row["person"] for row in self._db.read("SELECT person FROM askers WHERE job = ?", id)}
+
+    def leave(self, id: str, person: str) -> bool:
+        """Let a person want a job no more; tell whether others still do, whose it is then."""
+        with self._db.write() as db:
+            others = self.askers(id) - {person}
+            if person not in self.askers(id) or not others:
+                return False
+            db.execute("DELETE FROM askers WHERE job = ? AND person = ?", (id, person))
+            db.execute("UPDATE jobs SET person = ? WHERE id = ? AND person = ?", (min(others), id, person))
+            return True
+
     def cancel(self, id: str, check: JobCheck = lambda job: None) -> JobRecord:
         """Ask for a job to be stopped; a job that still waits is cancelled at once.
 
@@ -212,11 +230,14 @@ class JobStore:
         rows = self._db.read("SELECT name, sha256, size FROM outputs WHERE job = ? ORDER BY name", id)
         return [JobOutput(*r) for r in rows]
 
+    def jobs_with(self, table: Literal["inputs", "outputs"], sha256: str, kind: str) -> list[JobRecord]:
+        """Return the finished jobs of a kind that were given, or have written, a file of this content; latest last."""
+        query = f"SELECT DISTINCT jobs.* FROM {table} JOIN jobs ON jobs.id = job WHERE sha256 = ? AND kind = ?"
+        return [_record(r) for r in self._db.read(f"{query} AND state = 'done' ORDER BY finished, id", sha256, kind)]
+
     def writer(self, sha256: str, kind: str) -> JobRecord | None:
         """Return the latest job of a kind that has written a file of this content."""
-        query = "SELECT jobs.* FROM outputs JOIN jobs ON jobs.id = job WHERE sha256 = ? AND kind = ?"
-        rows = self._db.read(f"{query} ORDER BY created DESC LIMIT 1", sha256, kind)
-        return _record(rows[0]) if rows else None
+        return next(iter(self.jobs_with("outputs", sha256, kind)[::-1]), None)
 
     def outputs_of(self, ids: Sequence[str]) -> dict[str, list[JobOutput]]:
         """Return the files of some jobs that have ended, by their identifiers."""
@@ -224,6 +245,21 @@ class JobStore:
         query = f"SELECT job, name, sha256, size FROM outputs WHERE job IN ({_marks(ids)}) ORDER BY job, name"
         for job, *output in self._db.read(query, *ids):
             found[job].append(JobOutput(*output))
+        return found
+
+    def serials_of(self, ids: Sequence[str]) -> dict[str, str]:
+        """Return the serial numbers of the robots that jobs are of, where one is known."""
+        rows = self._db.read(
+            f"SELECT job, max(serial) FROM ({SERIALS}) WHERE job IN ({_marks(ids)}) GROUP BY job", *ids
+        )
+        return {job: serial for job, serial in rows}
+
+    def people_of(self, ids: Sequence[str]) -> dict[str, list[str]]:
+        """Return who has asked for each of some jobs, by name."""
+        query = f"SELECT job, person FROM askers WHERE job IN ({_marks(ids)}) AND person != '' ORDER BY job, person"
+        found: dict[str, list[str]] = {}
+        for job, person in self._db.read(query, *ids):
+            found.setdefault(job, []).append(person)
         return found
 
     def jobs_by_output(self, documents: Sequence[str]) -> dict[str, str]:

@@ -14,7 +14,8 @@ from planner.model.use_text import Row, bound_text, use_head, use_rows, verdict_
 from planner.report.formatting import duration_text
 from planner.service.answers import Job, OutputFile
 from planner.service.context import ServiceContext
-from planner.session.document import PlanDocument
+from planner.service.job_api import output_path
+from planner.session.document import PlanDocument, PlanHeader
 
 GENERAL = "Corrected in programs as far as the joint angles decide; the report says with what it could be confused."
 ACTIONS = (  # words of an effect's name, and what to do
@@ -100,6 +101,20 @@ class CheckForecastFile(PartialModel):
     power: float
     hidden_because: str = ""
     changes: tuple[ForeseenChange, ...]
+
+
+class ExpectedAtTargets(PartialModel):
+    """Errors to be expected at the targets of a program [mm]."""
+
+    before_rms_mm: float
+    after_rms_mm: float
+
+
+class CorrectionPage(PartialModel):
+    """What the page of a corrected program needs of what its command has printed."""
+
+    summary: str
+    expected_error: ExpectedAtTargets | None = None
 
 
 ROLES = {  # of poses: what is done there, and why
@@ -205,6 +220,14 @@ def pictures(job: Job) -> list[Picture]:
 
 
 AnyPlan = PlanDocument | CircularDocument
+PLANS = ("plan", "check-plan")  # kinds of jobs whose folder holds a plan
+
+
+def read_plan_document(context: ServiceContext, job: Job) -> AnyPlan:
+    """Return the plan that a job has written."""
+    content = read_json(output_path(context, job.id, "plan.json"))
+    header = PlanHeader.model_validate(content)
+    return (CircularDocument if header.kind == "circular" else PlanDocument).model_validate(content)
 
 
 def plan_facts(plan: AnyPlan, is_check: bool = False) -> list[tuple[str, str]]:

@@ -2,21 +2,19 @@
 
 import json
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cache, wraps
+from functools import cache
 from pathlib import Path
-from typing import Annotated, ParamSpec, cast, get_args
+from typing import get_args
 
-from fastapi import APIRouter, FastAPI, Query, Request, Response
+from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
 from planner.cell.reading import load_cell, shipped_cells
-from planner.cell.sections import read_cell_file
 from planner.checks.record import CheckedChange, CheckFile
 from planner.circular.document import CircularDocument
 from planner.common.errors import InputError
@@ -25,39 +23,36 @@ from planner.identification.baseline import NAME as BASELINE
 from planner.model.finding import percent
 from planner.model.identification_document import Identification
 from planner.service.answers import Job
-from planner.service.context import Context, ServiceContext
+from planner.service.context import Context, ServiceContext, at_one_moment
 from planner.service.declared_request import typed_options
-from planner.service.file_api import describe_cell, dialect_entries, robot_entries, robot_title
+from planner.service.file_api import describe_cell, dialect_entries, robot_entries
 from planner.service.job_api import output_path
 from planner.service.job_filter import JobFilter, State
 from planner.service.job_folder import JobId, Sha256
 from planner.service.job_requests import REQUESTS
 from planner.service.page_content import (
-    AnyPlan,
+    PLANS,
     CalibrationPage,
     CheckForecastFile,
+    CorrectionPage,
     find_action,
     finding_size,
     is_simulated,
     pictures,
     plan_facts,
+    read_plan_document,
     visible_files,
 )
 from planner.service.problems import ERRORS, problem_of
 from planner.service.record_api import (
-    Serial,
-    describe_record,
-    describe_robot,
     find_calibration,
     find_record_entry,
 )
 from planner.service.record_index import RecordedEntry, RobotFilter
 from planner.service.rendering import ENVIRONMENT, render
-from planner.service.sheets import certificate_content, session_content
 from planner.session.document import PlanDocument, PlanHeader
 
 LOG = logging.getLogger("edbb.service")
-PLANS = ("plan", "check-plan")  # kinds of jobs whose folder holds a plan
 
 
 @dataclass(frozen=True)
@@ -80,21 +75,6 @@ class PlanChoice:
 
 
 PAGES = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
-Page = ParamSpec("Page")
-
-
-def at_one_moment(page: Callable[Page, HTMLResponse]) -> Callable[Page, HTMLResponse]:
-    """Let all that a page says be of one moment: jobs may begin, end and be deleted while it is made."""
-
-    @wraps(page)
-    def read(*args: Page.args, **named: Page.kwargs) -> HTMLResponse:
-        """Read the records that have changed, then the page."""
-        context = cast(ServiceContext, named["context"])
-        context.records.index.refresh()
-        with context.jobs.at_one_moment():
-            return page(*args, **named)
-
-    return read
 
 
 ENVIRONMENT.globals |= {"find_action": find_action, "finding_size": finding_size, "percent": percent}
@@ -117,42 +97,6 @@ def add_problem_handlers(app: FastAPI) -> None:
 
     for kind in ERRORS:
         app.add_exception_handler(kind, answer)
-
-
-@PAGES.get("/")
-@at_one_moment
-def show_start(
-    context: Context, q: Annotated[str, Query(max_length=200)] = "", after: Annotated[str, Query(max_length=120)] = ""
-) -> HTMLResponse:
-    """The robots of this plant with their states, those that ship with cells, and what was done lately."""
-    most = 50  # of a plant on the first page
-    found = context.records.index.list_robots(RobotFilter(q), most + 1, after)
-    return render(
-        "start",
-        robots=robot_entries(),
-        title_of=robot_title,
-        records=[describe_robot(r) for r in found[:most]],
-        known=context.records.index.count(),
-        q=q,
-        after=after,
-        more=found[most - 1].place if len(found) > most else None,
-    )
-
-
-@PAGES.get("/robots/{serial}")
-@at_one_moment
-def show_robot(serial: Serial, context: Context) -> HTMLResponse:
-    """The record of a robot: how it stands, its drift, its history."""
-    record = describe_record(context, context.records.read(serial))
-    last = next((e.job for e in record.history[::-1] if e.kind == "calibration"), None)
-    known = last is not None and any(o.name == BASELINE for o in context.jobs.outputs(last))
-    return render(
-        "robot",
-        record=record,
-        model=robot_title(record.robot),
-        baseline=last if known else None,
-        simulated=record.simulated,
-    )
 
 
 @PAGES.get("/jobs")
@@ -211,7 +155,7 @@ def _show_any(context: ServiceContext, job: Job) -> HTMLResponse:
 
 def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
     """A plan, of a check too: what it is for, where it drives, and the files to take along."""
-    plan = _plan(context, job) if job.state == "done" else None
+    plan = read_plan_document(context, job) if job.state == "done" else None
     names = {p.file for p in plan.programs} if plan else set()
     files = visible_files(job)
     check = None
@@ -241,7 +185,8 @@ def _show_calibration(context: ServiceContext, job: Job) -> HTMLResponse:
     baseline = BASELINE in outputs
     checks = [c for c in _plans(context, "check-plan") if find_calibration(context, c.id) == job.id] if baseline else []
     shown = {"files": visible_files(job), "pictures": pictures(job), **_record_form(context, job)}
-    return render("calibration", job=job, found=found, baseline=baseline, checks=checks, **shown)
+    standing = context.judge.standing(job.id) if found else None
+    return render("calibration", job=job, standing=standing, found=found, baseline=baseline, checks=checks, **shown)
 
 
 @PAGES.get("/compare")
@@ -251,7 +196,7 @@ def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse
     jobs = [_job(context, id) for id in (first, second)]
     if any(j.kind not in PLANS or j.state != "done" for j in jobs):
         return render("problem", 404, detail="Only two finished plans can be compared.")
-    plans = [_plan(context, j) for j in jobs]
+    plans = [read_plan_document(context, j) for j in jobs]
     facts = [plan_facts(p, j.kind == "check-plan") for p, j in zip(plans, jobs, strict=True)]
     names = list(dict.fromkeys(what for each in facts for what, _ in each))
     rows = [(what, [[v for w, v in each if w == what] for each in facts]) for what in names]
@@ -259,28 +204,6 @@ def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse
     charts = [{p.caption: p for p in pictures(j)} for j in jobs]
     pairs = [[c[caption] for c in charts] for caption in charts[0] if caption in charts[1]]
     return render("compare", plans=jobs, rows=rows, pictures=pairs)
-
-
-@PAGES.get("/jobs/{id}/session")
-@at_one_moment
-def show_session(id: JobId, context: Context) -> HTMLResponse:
-    """What to do at the cell, as a checklist."""
-    job = _job(context, id)
-    if job.kind not in PLANS or job.state != "done":
-        return render("problem", 404, detail="Only a finished plan has a session.")
-    plan = _plan(context, job)
-    cell = read_cell_file(output_path(context, id, "cell.toml"))
-    return render("session", job=job, **session_content(plan, cell, job.files))
-
-
-@PAGES.get("/jobs/{id}/certificate")
-@at_one_moment
-def show_certificate(id: JobId, context: Context) -> HTMLResponse:
-    """The certificate of a calibration, to print."""
-    job = _job(context, id)
-    if job.kind != "identification" or job.state != "done":
-        return render("problem", 404, detail="Only a finished calibration has a certificate.")
-    return render("certificate", job=job, **certificate_content(context, job))
 
 
 @PAGES.get("/calibrate")
@@ -309,6 +232,17 @@ def _show_check(context: ServiceContext, job: Job) -> HTMLResponse:
     form = _record_form(context, job, baseline)
     robot = job.robot if check is None else check.robot
     return render("check", job=job, robot=robot, files=visible_files(job), check=check, baseline=baseline, **form)
+
+
+def _show_correction(context: ServiceContext, job: Job) -> HTMLResponse:
+    """A corrected program: what is to be expected of it, what to know, and the files."""
+    found = None
+    if job.state == "done" and any(f.name == "printed" for f in job.files):
+        found = CorrectionPage.model_validate(read_json(output_path(context, job.id, "printed")))
+    known = job.request.get("model")
+    model = context.show(known) if known else None
+    simulated = model is not None and is_simulated(context, model)
+    return render("correction", job=job, found=found, model=model, simulated=simulated, files=visible_files(job))
 
 
 def _change_order(change: CheckedChange) -> tuple[int, str]:
@@ -378,15 +312,10 @@ SHOWN = {
     **dict.fromkeys(PLANS, _show_plan),
     "identification": _show_calibration,
     "check": _show_check,
+    "compensation": _show_correction,
 }
 """How jobs of a kind are shown that are more than their files."""
 
 
 def _job(context: ServiceContext, id: str) -> Job:
     return context.show(id)
-
-
-def _plan(context: ServiceContext, job: Job) -> AnyPlan:
-    content = read_json(output_path(context, job.id, "plan.json"))
-    header = PlanHeader.model_validate(content)
-    return (CircularDocument if header.kind == "circular" else PlanDocument).model_validate(content)

@@ -24,6 +24,13 @@ SESSION_S, IDLE_S = 7 * DAY_S, DAY_S / 2  # [s] that a browser stays logged in: 
 HASHING = threading.BoundedSemaphore(2)  # a password takes 64 MB to check: guesses at the same time wait
 
 
+TRACES = tuple(
+    f"SELECT 1 FROM {table} WHERE person = ? LIMIT 1"
+    for table in ("jobs", "askers", "deeds", "uploads", "cell_sessions", "session_ticks")
+)
+"""Questions whether somebody of a name has done something here."""
+
+
 @dataclass(frozen=True)
 class Person:
     """Somebody who may use the service.
@@ -91,16 +98,23 @@ class PeopleStore:
         rows = self._db.read("SELECT * FROM people WHERE name = ?", name)
         return self._person(rows[0]) if rows else None
 
-    def add(self, name: str, role: Role, password: str | None) -> None:
+    def add(self, name: str, role: Role, password: str | None, same_person: bool = False) -> None:
         """Add somebody; without a password only tokens or a proxy let the person in.
 
+        ``same_person``: who has worked here under this name before.
+
         Raises:
-            InputError: the name is taken or none, or the password too short; or the first is no administrator.
+            InputError: the name is or was somebody's, or none, the password too short, or the first no administrator.
         """
         name, kept = valid_name(name), self._hash(password)
         with self._db.write() as db:
             if db.execute("SELECT 1 FROM people WHERE name = ?", (name,)).fetchone():
                 raise InputError(f"{name}: is known already; another password is set by 'edbb serve users passwd'")
+            if not same_person and any(db.execute(query, (name,)).fetchone() for query in TRACES):
+                raise InputError(
+                    f"{name}: somebody of this name has worked here, and what was done stays under it; give another "
+                    "person another name, or say --same-person"
+                )
             if role is not Role.ADMINISTER and _administrators(db) == 0:
                 raise InputError(f"{name}: the first person has to be an administrator (--role administer)")
             db.execute("INSERT INTO people VALUES (?, ?, ?, ?)", (name, role.value, kept, time.time()))

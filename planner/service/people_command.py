@@ -26,11 +26,13 @@ class UserOptions:
         role: of somebody who is added or changed.
         label: what a token is for.
         no_password: a proxy or a token lets the person in, no password does.
+        same_person: who is added has worked here under that name before.
     """
 
     role: Role | None = None
     label: str = "program"
     no_password: bool = False
+    same_person: bool = False
 
 
 def change_people(
@@ -49,7 +51,7 @@ def change_people(
             _list_people(people, write)
         case ("add", name):
             role = options.role or Role.WORK
-            people.add(name, role, None if options.no_password else read_password(name))
+            people.add(name, role, None if options.no_password else read_password(name), options.same_person)
             say(f"{name} may {role}")
         case ("passwd", name):
             people.set_password(name, read_password(name))

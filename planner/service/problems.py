@@ -12,13 +12,16 @@ from starlette.requests import ClientDisconnect
 
 from planner.common.errors import MissingProgramError, NoSolutionError, PlannerError, make_printable
 from planner.common.schema import StrictModel
+from planner.service.certificate import UncertifiedError
 from planner.service.command_words import RefusedCommandError
+from planner.service.context import ChangedRobotError
 from planner.service.database import damage_text, is_damage
 from planner.service.file_store import DiskFullError, DisturbedTransferError, UnknownFileError
 from planner.service.job_folder import UnfinishedJobError
 from planner.service.job_keeping import KeptJobError, QuotaError
 from planner.service.job_store import UnknownJobError
 from planner.service.record_store import UnknownRecordError
+from planner.service.session_store import UnknownSessionError
 
 MEDIA_TYPE = "application/problem+json"
 # codes of HTTP (RFC 9110)
@@ -29,7 +32,10 @@ STATUS: tuple[tuple[type[PlannerError], int], ...] = (
     (RefusedCommandError, 403),
     (UnknownJobError, 404),
     (UnknownRecordError, 404),
+    (UnknownSessionError, 404),
     (UnfinishedJobError, 409),
+    (ChangedRobotError, 409),
+    (UncertifiedError, 409),
     (KeptJobError, 409),
     (QuotaError, 429),
     (NoSolutionError, 422),

@@ -1,4 +1,4 @@
-"""Routes of the records of robots: state and next check, history, drift, export."""
+"""Routes of the records of robots: begun, added to, entries withdrawn; state and next check, history, drift, export."""
 
 import math
 from datetime import date
@@ -9,8 +9,10 @@ from fastapi import Path as InPath
 from pydantic import Field
 
 from planner.checks.opcua import OpcUaRecord, map_to_opcua
-from planner.checks.record import DOCUMENTS, AxisDrift, Circumstances, EntryKind, RobotRecord
+from planner.checks.record import DOCUMENTS, AxisDrift, Circumstances, EntryKind, RobotRecord, Withdrawal
 from planner.common.schema import StrictModel
+from planner.service.callers import CALLER
+from planner.service.certificate import certificate_numbers
 from planner.service.context import Context, ServiceContext
 from planner.service.job_api import LIST_MOST, next_link
 from planner.service.job_folder import EverySystem, JobId
@@ -23,15 +25,28 @@ from planner.service.record_index import (
     RobotSummary,
     robot_advice,
     robot_state,
+    state_line,
 )
 
 RECORDS = APIRouter(prefix="/api", tags=["records"])
 MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
-Serial = Annotated[
-    str,
-    InPath(pattern="^[A-Za-z0-9][A-Za-z0-9._-]{0,60}$", description="serial number", examples=["KR6-0815"]),
-    EverySystem,
-]
+SERIAL = "^[A-Za-z0-9][A-Za-z0-9._-]{0,60}$"
+Serial = Annotated[str, InPath(pattern=SERIAL, description="serial number", examples=["KR6-0815"]), EverySystem]
+SerialText = Annotated[str, Field(pattern=SERIAL, description="serial number", examples=["KR6-0815"]), EverySystem]
+
+
+EntryNumber = Annotated[int, InPath(ge=1, le=99_999, description="of the entry", examples=[3])]
+
+
+class Reason(StrictModel):
+    """Why something is withdrawn."""
+
+    reason: Annotated[str, Field(min_length=3, max_length=500, examples=["serial number mistyped"])]
+
+    @property
+    def withdrawal(self) -> Withdrawal:
+        """The withdrawal, of whoever asks, today."""
+        return Withdrawal(reason=self.reason, by=CALLER.get().name, date=date.today())
 
 
 class RecordSummary(StrictModel):
@@ -56,6 +71,7 @@ class HistoryEntry(StrictModel):
     simulated: bool
     changed: list[str]
     circumstances: Circumstances
+    withdrawn: Withdrawal | None = Field(description="why it counts no more; none where it does")
     job: str | None = Field(description="where its files are; none of an entry that came otherwise")
 
 
@@ -70,7 +86,9 @@ class DriftLine(StrictModel):
 class RecordHistory(RecordSummary):
     """The history of a robot: entries, the oldest first, and by its checks the drift."""
 
+    line: str = Field(description="how it stands, in one line", examples=["good until 2026-12-28"])
     history: list[HistoryEntry]
+    certificates: list[str] = Field(description="numbers of the certificates that were issued, the oldest first")
     check_days: list[date] = Field(description="days of the checks")
     drift_mm: list[DriftLine] = Field(description="zero of each axis, as motion of the tool if it alone had moved")
     beyond_chance: list[float] = Field(description="decades; above zero something has changed")
@@ -81,6 +99,12 @@ class EntryRequest(StrictModel):
 
     job: JobId
     circumstances: Circumstances
+
+
+class NewRobot(StrictModel):
+    """A robot that was never measured."""
+
+    robot: Annotated[str, Field(min_length=1, max_length=100, examples=["kuka-kr6-r700"], description="its model")]
 
 
 class RobotPage(StrictModel):
@@ -118,9 +142,26 @@ def add_to_record(serial: Serial, request: EntryRequest, context: Context) -> Re
     with context.jobs.at_one_moment():
         job = context.jobs.get(request.job)
         known = find_calibration(context, job.id)
-        judged = find_record_entry(context, known).circumstances if known else None
-    baseline = None if judged is None else judged.date
-    return describe_record(context, context.records.add(serial, job, request.circumstances, baseline))
+        judged = find_record_entry(context, known) if known else RecordedEntry()
+    return describe_record(context, context.records.add(serial, job, request.circumstances, judged))
+
+
+@RECORDS.put("/records/{serial}", responses=MISSING)
+def begin_record(serial: Serial, request: NewRobot, context: Context) -> RecordHistory:
+    """Begin the record of a robot that was never measured; one that is there stays as it is."""
+    return describe_record(context, context.records.begin(serial, request.robot))
+
+
+@RECORDS.post("/records/{serial}/withdrawal", responses=MISSING)
+def withdraw_robot(serial: Serial, request: Reason, context: Context) -> RecordHistory:
+    """Withdraw a serial number that has no entry that counts: it was a mistake; an entry brings it back."""
+    return describe_record(context, context.records.withdraw(serial, None, request.withdrawal))
+
+
+@RECORDS.post("/records/{serial}/entries/{number}/withdrawal", responses=MISSING)
+def withdraw_entry(serial: Serial, number: EntryNumber, request: Reason, context: Context) -> RecordHistory:
+    """Withdraw an entry with a reason: it stays in the history and counts no more."""
+    return describe_record(context, context.records.withdraw(serial, number, request.withdrawal))
 
 
 @RECORDS.get("/records/{serial}/opcua", responses=MISSING)
@@ -187,12 +228,15 @@ def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHisto
             simulated=e.simulated,
             changed=[text for number, text in moved if number == e.number],
             circumstances=e.file.circumstances,
+            withdrawn=e.withdrawn,
             job=jobs.get(e.file.document_sha256),
         )
         for e in record.entries
     ]
     return RecordHistory(
         **_summary(record),
+        line=state_line(record),
+        certificates=certificate_numbers(context.records.path(record.file.serial)),
         history=history,
         check_days=[when for when, _ in record.checks],
         drift_mm=[_drift_line(d) for d in record.drifts],

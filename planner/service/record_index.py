@@ -15,15 +15,16 @@ from datetime import date
 from pathlib import Path
 from typing import Literal
 
-from planner.checks.record import Circumstances, RobotRecord, latest_day
+from planner.checks.record import Circumstances, RobotRecord
+from planner.checks.record_changes import latest_day
 from planner.common.errors import InputError
 from planner.common.system import hold_lock
 from planner.service.database import Database
 
-RobotState = Literal["good", "check due", "changed", "not calibrated", "damaged"]
-IN_NEED = ("damaged", "changed", "check due", "not calibrated", "good")  # the order of the list
+RobotState = Literal["good", "check due", "changed", "not calibrated", "never measured", "withdrawn", "damaged"]
+IN_NEED = ("damaged", "changed", "check due", "not calibrated", "never measured", "good", "withdrawn")  # as listed
 LOOK_S = 2.0  # between two looks at the stamps of all folders
-ADVICE = {"good": "nothing until the next check", "check due": "measure the poses of a check"}
+ADVICE = {"good": "nothing until the next check", "check due": "measure the poses of a check", "withdrawn": "nothing"}
 COLUMNS = "serial, robot, advice, due, due_text, entries, simulated"
 STATE = "CASE WHEN state = 'good' AND due < :today THEN 'check due' ELSE state END"
 
@@ -57,6 +58,8 @@ class RecordedEntry:
     """What the record of a robot says of a result that was added to it; empty where it is in none."""
 
     serial: str = ""
+    number: int = 0
+    kind: str = ""
     circumstances: Circumstances | None = None
     simulated: bool = False
 
@@ -95,6 +98,7 @@ class RecordIndex:
             f"SELECT * FROM (SELECT *, CASE state {rank} END AS rank, ifnull(due, '') AS day"
             f" FROM (SELECT {COLUMNS}, {STATE} AS state FROM robots))"
             " WHERE instr(lower(serial || ' ' || robot), :text) > 0 AND robot = ifnull(:robot, robot)"
+            " AND (state != 'withdrawn' OR :text != '' OR :state = state)"
             " AND state = ifnull(:state, state) AND simulated = ifnull(:simulated, simulated)"
             " AND (rank, day, serial) > (:rank, :day, :serial) ORDER BY rank, day, serial LIMIT :most"
         )
@@ -116,18 +120,24 @@ class RecordIndex:
         return {state: int(found.get(state, 0)) for state in IN_NEED}
 
     def find_entry(self, documents: set[str]) -> RecordedEntry:
-        """Return the latest entry whose document has one of these SHA-256."""
+        """Return the latest entry that counts and whose document has one of these SHA-256."""
         self.refresh()
         marks = ", ".join("?" * len(documents))
         rows = self._db.read(
-            "SELECT serial, circumstances, simulated FROM recorded JOIN robots USING (serial)"
-            f" WHERE document_sha256 IN ({marks}) ORDER BY serial DESC, place DESC LIMIT 1",
+            "SELECT serial, number, kind, circumstances, simulated FROM recorded JOIN robots USING (serial)"
+            f" WHERE document_sha256 IN ({marks}) AND withdrawn = 0 ORDER BY serial DESC, place DESC LIMIT 1",
             *documents,
         )
         if not rows:
             return RecordedEntry()
-        serial, circumstances, simulated = rows[0]
-        return RecordedEntry(serial, Circumstances.model_validate_json(circumstances), bool(simulated))
+        serial, number, kind, circumstances, simulated = rows[0]
+        said = Circumstances.model_validate_json(circumstances)
+        return RecordedEntry(serial, number, kind, said, bool(simulated))
+
+    def is_withdrawn(self, document: str) -> bool:
+        """Tell whether a document was in a record and counts in none."""
+        rows = self._db.read("SELECT min(withdrawn) FROM recorded WHERE document_sha256 = ?", document)
+        return rows[0][0] == 1
 
     def read(self, serial: str) -> None:
         """Read a record to which something was added."""
@@ -187,14 +197,22 @@ class RecordIndex:
 
     def _keep(self, serial: str, stamp: str) -> None:
         """Read a record and write what the lists say of it; one that is damaged says so."""
-        recorded: list[tuple[str, int, str, str]] = []
+        recorded: list[tuple[object, ...]] = []
         try:
             record = RobotRecord.read(self._folder / serial)
         except InputError as err:
             row: tuple[object, ...] = (serial, "", "damaged", str(err), None, "", 0, 0, stamp)
         else:
             recorded = [
-                (serial, k, e.file.document_sha256, e.file.circumstances.model_dump_json())
+                (
+                    serial,
+                    k,
+                    e.file.document_sha256,
+                    e.file.circumstances.model_dump_json(),
+                    int(e.withdrawn is not None),
+                    e.number,
+                    e.file.kind,
+                )
                 for k, e in enumerate(record.entries)
             ]
             due = None if record.next_check is None else record.next_check.isoformat()
@@ -205,7 +223,7 @@ class RecordIndex:
         with self._db.write() as db:
             db.execute("DELETE FROM robots WHERE serial = ?", (serial,))
             db.execute("INSERT INTO robots VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
-            db.executemany("INSERT INTO recorded VALUES (?, ?, ?, ?)", recorded)
+            db.executemany("INSERT INTO recorded VALUES (?, ?, ?, ?, ?, ?, ?)", recorded)
 
 
 def _stamp(folder: Path) -> str:
@@ -247,6 +265,8 @@ def _lasting_state(record: RobotRecord) -> RobotState:
     """Return how a robot stands, whatever day it is."""
     if record.failure is not None:
         return "changed"
+    if not record.valid_entries:
+        return "withdrawn" if record.entries or record.file.withdrawn else "never measured"
     return "not calibrated" if record.calibration_date is None else "good"
 
 
@@ -261,3 +281,16 @@ def robot_advice(record: RobotRecord) -> str:
     if record.failure is not None:
         return record.due_text.removeprefix("now: ")
     return ADVICE.get(robot_state(record), "calibrate it")
+
+
+def state_line(record: RobotRecord) -> str:
+    """Return how a robot stands today in one line."""
+    if record.failure is not None:
+        day, check = record.failure
+        return f"changed on {day.isoformat()}{f': {check.cause}' if check.cause else ''}"
+    state, day = robot_state(record), record.next_check
+    if state == "withdrawn":
+        return "withdrawn: no entry of this serial number counts"
+    if state not in ("good", "check due") or day is None:
+        return state
+    return f"good until {day.isoformat()}" if state == "good" else f"check due since {day.isoformat()}"

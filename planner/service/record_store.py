@@ -4,17 +4,17 @@ import io
 import shutil
 import tempfile
 import zipfile
-from datetime import date
 from pathlib import Path
 
-from planner.checks.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry
+from planner.checks.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, Withdrawal
+from planner.checks.record_changes import add_entry, begin_record, withdraw_entry, withdraw_record
 from planner.common.errors import InputError
 from planner.common.result_folder import file_hash
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_record import JobRecord
 from planner.service.job_store import JobStore
-from planner.service.record_index import RecordIndex
+from planner.service.record_index import RecordedEntry, RecordIndex
 
 
 class UnknownRecordError(InputError):
@@ -49,22 +49,53 @@ class RecordStore:
             InputError: it is damaged.
         """
         folder = self.path(serial)
-        number = len(list((folder / "entries").glob("*")))
+        number = (folder / "entries").stat().st_mtime_ns
         known = self._known.get(folder)
         if known is None or known[0] != number:
             known, most = (number, RobotRecord.read(folder)), 50  # records that are held in memory
             self._known = dict([*self._known.items(), (folder, known)][-most:])
         return known[1]
 
-    def add(self, serial: str, job: JobRecord, circumstances: Circumstances, baseline: date | None) -> RobotRecord:
+    def begin(self, serial: str, robot: str) -> RobotRecord:
+        """Make the record of a robot that was never measured; one that is there stays as it is.
+
+        Raises:
+            InputError: it is there, of another model.
+        """
+        with self.index.hold_alone():
+            folder = self._folder / serial
+            if not (folder / "record.toml").is_file():
+                begin_record(folder, serial, robot)
+                self.index.read(serial)
+            known = self.read(serial)
+            if known.file.robot != robot:
+                raise InputError(f"{serial} is the serial number of a {known.file.robot} here, not of a {robot}")
+            return known
+
+    def withdraw(self, serial: str, number: int | None, withdrawal: Withdrawal) -> RobotRecord:
+        """Let an entry count no more, or (``None``) a serial number without any; it stays, with the reason.
+
+        Raises:
+            UnknownRecordError: there is no such record.
+            InputError: there is no such entry, or it was withdrawn already.
+        """
+        with self.index.hold_alone():
+            if number is None:
+                withdraw_record(self.path(serial), withdrawal)
+            else:
+                withdraw_entry(self.path(serial), number, withdrawal)
+            self.index.read(serial)
+            return self.read(serial)
+
+    def add(self, serial: str, job: JobRecord, circumstances: Circumstances, judged: RecordedEntry) -> RobotRecord:
         """Add what a job has found to the record of a robot, which is made where there is none; once only.
 
-        ``baseline``: day of the calibration that it is judged against, where that is known.
+        ``judged``: the entry of the calibration that it is judged against, where that is known.
 
         Raises:
             UnknownJobError: the job is gone.
-            InputError: it has nothing for a record, or is of another model, or simulated beside real ones; its
-                date is not allowed.
+            InputError: it has nothing for a record, or belongs to another robot, or is of another model, or simulated
+                beside real ones; its date is not allowed.
         """
         with self.index.hold_alone(), tempfile.TemporaryDirectory(dir=self._folder) as draft:
             self._jobs.get(job.id)  # it may have been deleted meanwhile
@@ -74,10 +105,12 @@ class RecordStore:
             found = next((file_hash(p) for n in DOCUMENTS if (p := Path(draft, n)).is_file()), None)
             if found is None:
                 raise InputError(f"the {job.kind} {job.id} has no result for a record: add a calibration or a check")
+            _require_one_robot(serial, self.index.find_entry({found}), judged)
             folder = self._folder / serial
             there = (folder / "record.toml").is_file()
-            if not there or found not in [e.file.document_sha256 for e in self.read(serial).entries]:
-                add_entry(folder, Path(draft), circumstances, serial, baseline)
+            if not there or found not in [e.file.document_sha256 for e in self.read(serial).valid_entries]:
+                day = None if judged.circumstances is None else judged.circumstances.date
+                add_entry(folder, Path(draft), circumstances, serial, day)
                 self.index.read(serial)
             return self.read(serial)
 
@@ -92,3 +125,16 @@ class RecordStore:
             for path in sorted(p for p in folder.rglob("*") if p.is_file()):
                 archive.write(path, Path(serial, path.relative_to(folder)))
         return packed.getvalue()
+
+
+def _require_one_robot(serial: str, known: RecordedEntry, judged: RecordedEntry) -> None:
+    """Refuse a result that belongs to a robot of another serial number: it is one robot's alone."""
+    if known.serial not in ("", serial):
+        raise InputError(
+            f"this {known.kind} is entry {known.number} of the robot {known.serial}, and belongs to that robot alone; "
+            f"if {known.serial} was a mistake, withdraw the entry there with a reason, then add it here"
+        )
+    if judged.serial not in ("", serial):
+        raise InputError(
+            f"it is judged against a calibration of the robot {judged.serial}: add it to the record of {judged.serial}"
+        )

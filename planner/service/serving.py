@@ -18,6 +18,7 @@ from planner.service.access import check_access, check_rules
 from planner.service.access_log import AccessLog, open_log
 from planner.service.callers import CallerFinder
 from planner.service.cell_notes import CellNotes
+from planner.service.certificate_api import CERTIFICATES
 from planner.service.cluster import Cluster
 from planner.service.context import ServiceContext, Supervisor
 from planner.service.database import Database, damage_text
@@ -41,9 +42,11 @@ from planner.service.problems import MEDIA_TYPE, Problem
 from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
 from planner.service.rendering import STATIC
+from planner.service.robot_pages import ROBOT_PAGES
+from planner.service.session_api import SESSIONS
+from planner.service.session_store import SessionStore
 from planner.service.settings import GB, JobShares, ServiceSettings
-from planner.service.tick_store import TickStore
-from planner.service.ticks import TICKS
+from planner.service.standing import Judge
 from planner.service.webhook import Notifier
 
 DESCRIPTION = (
@@ -87,6 +90,7 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     cluster = Cluster(settings.cluster, settings.limits) if settings.cluster.scheduler else None
     supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits, settings.beside, cluster)
     records = RecordStore(settings.folder, jobs, files, database)
+    judge = Judge(jobs, files, records)
     keeper = JobKeeper(database, jobs, files, records.index)
     people, guesses = PeopleStore(database, settings.token), GuessLimit()
     settings.check_door(people.exist())
@@ -103,7 +107,8 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
         guesses=guesses,
         finder=finder,
         deeds=DeedLog(database),
-        ticks=TickStore(database),
+        sessions=SessionStore(database),
+        judge=judge,
         cells=CellNotes(database),
         notifier=Notifier(settings.webhooks, database, jobs),
     )
@@ -138,7 +143,8 @@ def build_app(context: ServiceContext) -> FastAPI:
     )
     app.state.context = context
     add_problem_handlers(app)
-    for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, TICKS, DEEDS, METRICS, LOGIN, PAGES):
+    pages = (LOGIN, PAGES, ROBOT_PAGES)
+    for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, CERTIFICATES, SESSIONS, DEEDS, METRICS, *pages):
         app.include_router(router)
     check_rules(app)
     app.mount("/static/view", StaticFiles(directory=VIEW_FOLDER), name="view")

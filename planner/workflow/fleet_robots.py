@@ -81,7 +81,7 @@ def read_robot(path: Path) -> tuple[str, RobotErrors, tuple[HandEdit, ...]]:
     """
     if (path / RECORD).is_file():
         serial = read_toml(path / RECORD, RecordFile).serial
-        calibrations = [e for e in RobotRecord.read(path).entries if e.file.kind == "calibration"]
+        calibrations = [e for e in RobotRecord.read(path).valid_entries if e.file.kind == "calibration"]
         if not calibrations:
             raise InputError(f"{path}: the record of {serial} has no calibration")
         folder = next((path / "entries").glob(f"{calibrations[-1].number:04d}-*"))

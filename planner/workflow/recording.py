@@ -9,9 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from planner.checks.opcua import map_to_opcua
-from planner.checks.record import Circumstances, RobotRecord, add_entry
+from planner.checks.record import Circumstances, RobotRecord, Withdrawal
+from planner.checks.record_changes import add_entry, withdraw_entry
+from planner.common.errors import InputError
 from planner.common.files import document_text, write_text
 from planner.common.result import FolderResult, simulated_section
+from planner.common.schema import validate
 from planner.common.summary import Summary
 
 
@@ -45,6 +48,7 @@ class RecordResult(FolderResult):
                 {"number": e.number, "kind": e.file.kind, "result": e.sentence}
                 | e.file.circumstances.model_dump(mode="json")
                 | {"document_sha256": e.file.document_sha256, **simulated_section(e.simulated)}
+                | ({} if e.withdrawn is None else {"withdrawn": e.withdrawn.model_dump(mode="json")})
                 for e in known.entries
             ],
         }
@@ -85,18 +89,27 @@ def record(
     add: Path | str | None = None,
     serial: str | None = None,
     circumstances: Circumstances | None = None,
+    withdraw: int | None = None,
+    reason: str = "",
 ) -> RecordResult:
-    """Show the record of a robot, after adding a folder of results to it.
+    """Show the record of a robot, after adding a folder of results to it, or withdrawing an entry.
 
     Args:
         folder: of the record; made with the first entry.
         add: folder that ``identify``, ``accuracy`` or ``check`` wrote.
         serial: number of the robot, for a new record.
         circumstances: date (default: today), operator, temperature, tool and gauge of what is added.
+        withdraw: number of an entry that counts no more; it stays in the record, with the reason.
+        reason: why it is withdrawn.
 
     Raises:
         InputError: there is no record, or what is to be added does not belong to it.
     """
+    if withdraw is not None:
+        if add is not None:
+            raise InputError("name a folder to add, or an entry to withdraw, not both")
+        said = {"reason": reason, "by": circumstances.operator if circumstances else "", "date": date.today()}
+        return RecordResult(withdraw_entry(Path(folder), withdraw, validate(said, Withdrawal, "the withdrawal")))
     if add is not None:
         when = circumstances or Circumstances(date=date.today())
         return RecordResult(add_entry(Path(folder), Path(add), when, serial))

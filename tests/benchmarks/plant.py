@@ -19,7 +19,8 @@ from pathlib import Path
 
 import httpx
 
-from planner.checks.record import Circumstances, add_entry
+from planner.checks.record import Circumstances
+from planner.checks.record_changes import add_entry
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobStore

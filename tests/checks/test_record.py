@@ -7,7 +7,8 @@ from datetime import UTC, date, datetime
 import pytest
 
 from planner.checks.opcua import map_to_opcua
-from planner.checks.record import Circumstances, RobotRecord, add_entry
+from planner.checks.record import Circumstances, RobotRecord
+from planner.checks.record_changes import add_entry
 from planner.checks.results import verdict_content
 from planner.checks.words import FORECAST
 from planner.common.errors import InputError

@@ -6,7 +6,8 @@ import tomllib
 
 import pytest
 
-from planner.checks.record import Circumstances, add_entry
+from planner.checks.record import Circumstances
+from planner.checks.record_changes import add_entry
 from planner.cli.terminal import screen_text
 from planner.common.errors import InputError
 from planner.common.units import MM

@@ -69,6 +69,14 @@ def upload(client, route, data, name):
     return {"id": answer.json()["id"], "name": name}
 
 
+def begin_session(client, plan, serial="KR6-0815", robot="kuka-kr6-r700"):
+    """The page of the session of a robot that is measured by a plan."""
+    assert client.put(f"/api/records/{serial}", json={"robot": robot}).status_code == 200
+    begun = client.post("/api/sessions", json={"plan": plan, "serial": serial})
+    assert begun.status_code == 201, begun.text
+    return begun.json()["url"]
+
+
 @pytest.fixture
 def service(tmp_path):
     """The address and process of a service of its own."""

@@ -116,7 +116,10 @@ class Client:
 
     def tick(self):
         ticks = [{"step": "step-1", "done": True, "at": "2026-01-01T00:00:00Z"}]
-        self.ask("POST", f"/api/jobs/{self.one()}/ticks", json={"ticks": ticks})
+        self.ask("PUT", "/api/records/S-1", json={"robot": "kuka-kr6-r700"})
+        begun = self.ask("POST", "/api/sessions", json={"plan": self.one(), "serial": "S-1"})
+        if begun.status_code == 201:
+            self.ask("POST", f"/api{begun.json()['url']}/ticks", json={"ticks": ticks})
 
     def look(self):
         pages = ("/", "/jobs", "/calibrate", f"/jobs/{self.one()}", "/metrics", "/api/health", "/api/records", "/deeds")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect, sync_playwright
 
-from tests.service.conftest import client_of, ended, upload
+from tests.service.conftest import begin_session, client_of, ended, upload
 from tests.service.test_browser import CHROMIUM, SOFTWARE_3D, check_page
 from tests.service.test_cell_side import Service
 from tests.workflow.conftest import small_cell
@@ -31,7 +31,7 @@ class Session:
             self.before = self.see(self.known)
             self.second = self.done("plans", {"after": self.known["id"], "same_mounting": True})
             self.page_of_second = client.get(f"/jobs/{self.second['id']}").text
-            self.checklist = client.get(f"/jobs/{self.second['id']}/session").text
+            self.checklist = client.get(begin_session(client, self.second["id"])).text
             self.runs.append(self.measure(self.second, "run.csv"))
             names = [{"id": r["id"], "name": f"session-{k}-run.csv"} for k, r in enumerate(self.runs, start=1)]
             asked = {"runs": names, "plan": self.first["id"], "plans": [self.second["id"]], "no_trace": True}

@@ -25,7 +25,7 @@ from planner.service.job_store import JobStore
 from planner.service.people import PeopleStore
 from planner.service.settings import Role
 from tests.command import edbb
-from tests.service.conftest import client_of, wait_until
+from tests.service.conftest import begin_session, client_of, wait_until
 from tests.service.test_browser import CHROMIUM, RULES, SOFTWARE_3D
 from tests.service.test_cluster import free_port
 from tests.workflow.conftest import small_cell
@@ -97,6 +97,18 @@ def open_page(browser, service, name, phone):
     return page
 
 
+def open_checklist(page, plan, serial="KR6-0815"):
+    """Choose the robot that is measured; one that nobody knows is added after a question."""
+    page.goto(f"/jobs/{plan}/session")
+    page.fill("#serial", serial)
+    page.click("text=To the checklist")
+    page.locator("#new-robot:visible, .checklist").first.wait_for()
+    if page.locator("#new-robot").count():
+        page.click("#new-robot")
+    page.wait_for_selector(".checklist")
+    return page.url
+
+
 def check_page(page, name):
     if SHOTS:
         page.screenshot(path=str(Path(SHOTS) / f"{name}.png"), full_page=True)
@@ -112,8 +124,9 @@ def test_no_step_is_ticked_before_the_page_keeps_ticks(service, browser):
     add_plan(service.folder, "")
     service.begin()
     phone, held = open_page(browser, service, None, phone=True), []
+    checklist = open_checklist(phone, JOB)
     phone.route("**/session.js*", lambda route: held.append(route), times=1)
-    phone.goto(f"/jobs/{JOB}/session", wait_until="commit")
+    phone.goto(checklist, wait_until="commit")
     expect(phone.locator("#step-1")).to_be_disabled()
     while not held:
         phone.wait_for_timeout(50)
@@ -132,7 +145,7 @@ def test_a_checklist_goes_on_without_a_network_and_is_seen_by_others_when_it_is_
     add_plan(service.folder, "ada")
     service.begin()
     phone = open_page(browser, service, "wanda", phone=True)
-    phone.goto(f"/jobs/{JOB}/session")
+    checklist = open_checklist(phone, JOB)
     expect(phone.locator("#offline")).to_contain_text("without a network", timeout=30_000)
     phone.check("#step-1")
     expect(phone.locator("#sent")).to_contain_text("All that is ticked is sent")
@@ -147,7 +160,7 @@ def test_a_checklist_goes_on_without_a_network_and_is_seen_by_others_when_it_is_
     service.begin()
     expect(phone.locator("#sent")).to_contain_text("All that is ticked is sent", timeout=30_000)
     desk = open_page(browser, service, "ada", phone=False)
-    desk.goto(f"/jobs/{JOB}/session")
+    desk.goto(checklist)
     expect(desk.locator("#step-2")).to_be_checked(timeout=20_000)
     expect(desk.locator("#step-1")).not_to_be_checked()
     assert "wanda" in desk.locator("li:has(#step-2) .ticked").inner_text()
@@ -157,11 +170,11 @@ def test_a_checklist_goes_on_without_a_network_and_is_seen_by_others_when_it_is_
     desk.goto("/deeds")
     assert "ticked a checklist" in desk.inner_text("main")
     check_page(desk, "deeds")
-    assert [url for url in phone.evaluate(KEPT_PAGES) if "/jobs/" in url]
+    assert [url for url in phone.evaluate(KEPT_PAGES) if "/sessions/" in url]
     phone.click("text=Log out")
     phone.wait_for_url("**/login")
     check_page(phone, "login-phone")
-    wait_until(lambda: not [url for url in phone.evaluate(KEPT_PAGES) if "/jobs/" in url])
+    wait_until(lambda: not [url for url in phone.evaluate(KEPT_PAGES) if "/sessions/" in url])
 
 
 @needs_browser
@@ -220,23 +233,25 @@ def test_the_page_of_a_plan_warns_where_poses_are_too_few(tmp_path, too_few):
 def test_ticks_are_merged_by_their_time(tmp_path):
     add_plan(tmp_path)
     with client_of(tmp_path, workers=0, beside=0) as client:
-        path = f"/api/jobs/{JOB}/ticks"
+        path = f"/api{begin_session(client, JOB)}"
 
         def send(step, done, at):
-            return client.post(path, json={"ticks": [{"step": step, "done": done, "at": at}]})
+            return client.post(f"{path}/ticks", json={"ticks": [{"step": step, "done": done, "at": at}]})
 
         assert send("step-1", True, "2026-01-01T10:00:00Z").status_code == 200
         send("step-1", False, "2026-01-01T09:00:00Z")  # made earlier on a device that had no network
-        assert [(t["step"], t["done"]) for t in client.get(path).json()] == [("step-1", True)]
+        assert [(t["step"], t["done"]) for t in client.get(path).json()["ticks"]] == [("step-1", True)]
         send("step-1", False, "2026-01-01T12:00:00+01:00")
-        assert client.get(path).json()[0]["done"] is False
+        assert client.get(path).json()["ticks"][0]["done"] is False
         send("step-2", True, "2099-01-01T00:00:00Z")
         send("step-2", False, "2098-01-01T00:00:00Z")
-        assert [t["done"] for t in client.get(path).json()] == [False, False], "a clock that is ahead counts as now"
+        assert [t["done"] for t in client.get(path).json()["ticks"]] == [False, False], (
+            "a clock that is ahead counts as now"
+        )
         assert send("step-x", True, "2026-01-01T10:00:00Z").status_code == 422
         assert send("step-1", True, "2026-01-01T10:00:00").status_code == 422
-        assert client.get(f"/api/jobs/{'b' * 24}/ticks").status_code == 404
-        assert client.delete(f"/api/jobs/{JOB}").status_code == 204
+        assert client.get(f"/api/sessions/{'b' * 24}").status_code == 404
+        assert "was measured by it" in client.delete(f"/api/jobs/{JOB}").json()["detail"]
         assert client.get("/worker.js").headers["content-type"].startswith("text/javascript")
 
 
@@ -244,7 +259,7 @@ def test_the_page_of_a_session_needs_only_what_a_device_keeps(tmp_path):
     """All that the checklist is drawn by lies under /static/, which the worker keeps."""
     add_plan(tmp_path)
     with client_of(tmp_path, workers=0, beside=0) as client:
-        text = client.get(f"/jobs/{JOB}/session").text
+        text = client.get(begin_session(client, JOB)).text
     loaded = re.findall(r'<(?:script|link)[^>]*(?:src|href)="([^"]+)"', text)
     assert loaded
     assert all(path.startswith("/static/") for path in loaded)
@@ -264,7 +279,7 @@ def test_the_checklist_says_how_the_gauge_is_read_and_how_it_is_mounted(tmp_path
     cell = cell.replace("[gauge]\n", f'[gauge]\nread_by = "{way}"\n', 1) if way else cell
     add_plan(tmp_path, changed={"cell.toml": cell.encode()})
     with client_of(tmp_path, workers=0, beside=0) as client:
-        text = html.unescape(client.get(f"/jobs/{JOB}/session").text)
+        text = html.unescape(client.get(begin_session(client, JOB)).text)
     for words in (*told, "at [430, 330, 60] mm of the base frame", "Set its display to the length"):
         assert words in text
 
@@ -330,7 +345,7 @@ def test_two_people_calibrate_a_robot_and_check_it_after_a_month(service, browse
 
 
 def measure_without_network(phone, desk, service, plan):
-    phone.goto(f"/jobs/{plan}/session")
+    checklist = open_checklist(phone, plan)
     expect(phone.locator("#offline")).to_contain_text("without a network")
     steps = phone.locator(".checklist input").count()
     service.cut()
@@ -339,7 +354,7 @@ def measure_without_network(phone, desk, service, plan):
     assert "All steps are done" in phone.inner_text("#done")
     service.begin()
     expect(phone.locator("#sent")).to_contain_text("All that is ticked is sent")
-    desk.goto(f"/jobs/{plan}/session")
+    desk.goto(checklist)
     expect(desk.locator(f"#step-{steps}")).to_be_checked()
 
 
@@ -362,7 +377,7 @@ def calibrate(phone, service, plan, log):
     refused = phone.request.post(f"/api/jobs/{plan}/cancel", headers={"origin": service.address})
     assert (refused.status, "it is of ada" in refused.text()) == (403, True)
 
-    phone.goto(f"/jobs/{plan}/session")
+    open_checklist(phone, plan)
     phone.click("text=The run is measured")
     phone.set_input_files("#run", log)
     phone.wait_for_selector("#run-chart svg", timeout=4 * 60_000)

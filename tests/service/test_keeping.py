@@ -8,7 +8,8 @@ from datetime import date
 
 import pytest
 
-from planner.checks.record import Circumstances, add_entry
+from planner.checks.record import Circumstances
+from planner.checks.record_changes import add_entry
 from planner.common.errors import InputError
 from planner.service import job_request
 from planner.service.backup import back_up, restore

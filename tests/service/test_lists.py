@@ -12,7 +12,8 @@ from urllib.parse import urlencode
 
 import pytest
 
-from planner.checks.record import Circumstances, add_entry
+from planner.checks.record import Circumstances
+from planner.checks.record_changes import add_entry
 from planner.checks.results import verdict_content
 from planner.common.errors import InputError
 from planner.service.database import FIRST, VERSION, Database

@@ -2,6 +2,7 @@
 
 import json
 import re
+from datetime import UTC, datetime
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,18 +14,19 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.model.identification_document import Identification, Release, WorkToolError
 from planner.model.use_statement import ToolUse, Use
+from planner.service.certificate_content import RMS_OF_REPEATABILITY, find_validation
 from planner.service.job_record import JobCommand, JobInput, JobOutput
 from planner.service.job_requests import CommandRequest
 from planner.service.page_content import GENERAL, CalibrationPage, find_action, plan_facts
 from planner.service.pages import render
 from planner.service.runner import SHIPPED
 from planner.service.serving import build_context
-from planner.service.sheets import RMS_OF_REPEATABILITY, find_validation, session_content
+from planner.service.sheets import session_content
 from planner.service.tasks import check_run
 from planner.service.views import check_view
 from planner.session.document import PlanDocument
 from planner.session.document_parts import ForesightRecord
-from tests.service.conftest import client_of, ended, settings, upload
+from tests.service.conftest import begin_session, client_of, ended, settings, upload
 from tests.service.test_crashes import CHEAP, Store
 
 
@@ -89,7 +91,9 @@ def test_the_steps_at_the_cell_speak_of_its_gauge_and_no_other(name):
             "drives": [{"fixture": "A", "travel": [], "waypoints": []}],
         }
     )
-    page = render("session", job=SimpleNamespace(id="a", title="", kind="plan"), **session_content(plan, cell.file, []))
+    session = SimpleNamespace(id="b", serial="S1", begun=datetime.now(UTC), ended=None)
+    job = SimpleNamespace(id="a", title="", kind="plan")
+    page = render("session", job=job, session=session, **session_content(plan, cell.file, []))
     text = bytes(page.body).decode().partition("<ol")[2].partition("</ol>")[0]
     assert "0123456789ab" in text
     placed: tuple[Any, ...] = (*cell.file.fixtures[:1], cell.file.tracker, cell.file.artifact)
@@ -129,7 +133,13 @@ def test_the_page_of_a_planned_check_is_whole(tmp_path):
     programs = [{"dialect": "krl", "file": "CHECK.src"}]
     changes = [{"change": "zero of joint 1", "detectable_mm": 0.031}]
     documents = {
-        "plan.json": {"schema": "edbb-plan/1", "plan_id": plan[:12], "poses": [pose], "programs": programs},
+        "plan.json": {
+            "schema": "edbb-plan/1",
+            "plan_id": plan[:12],
+            "robot": "ur10",
+            "poses": [pose],
+            "programs": programs,
+        },
         "shows.json": {"false_alarm": 0.01, "power": 0.9, "changes": changes},
     }
     content = {name: json.dumps(d).encode() for name, d in documents.items()}
@@ -148,7 +158,7 @@ def test_the_page_of_a_planned_check_is_whole(tmp_path):
         assert page.count(">CHECK.src<") == 1
         for link in (f"/jobs/{known}", f"/jobs/{plan}/session", f"/calibrate?plan={plan}"):
             assert f'href="{link}"' in page
-        assert "nobody" in client.get(f"/jobs/{plan}/session").text.lower()
+        assert "nobody" in client.get(begin_session(client, plan, robot="ur10")).text.lower()
 
 
 def test_a_certificate_takes_the_validation_of_its_own_calibration(tmp_path):

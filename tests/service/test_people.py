@@ -28,7 +28,15 @@ from tests.service.conftest import AT_HOME, client_of, settings, upload
 ROLES = {"luis": Role.LOOK, "wanda": Role.WORK, "ada": Role.ADMINISTER}
 PASSWORD = "correct horse battery"
 SOME_JOB, SOME_FILE = "0" * 24, "0" * 64
-PLACES = {"id": SOME_JOB, "sha256": SOME_FILE, "serial": "R1", "robot": "ur10", "cell": "edbb", "name": "x"}
+PLACES = {
+    "id": SOME_JOB,
+    "sha256": SOME_FILE,
+    "serial": "R1",
+    "robot": "ur10",
+    "cell": "edbb",
+    "name": "x",
+    "number": "R1-C01",
+}
 
 
 def people_of(folder):
@@ -80,10 +88,10 @@ def test_each_role_at_each_route(plant, rule):
     path = re.sub(
         r"\{(\w+)(:path)?\}",
         lambda m: SOME_FILE if path in ("/api/files/{id}", "/api/cells/{id}") else PLACES[m[1]],
-        path,
+        path.replace("entries/{number}", "entries/1"),
     )
     needed = RULES[rule].role
-    content = {"json": {}} if method in ("POST", "PATCH") else {}
+    content = {"json": {}} if method in ("POST", "PATCH", "PUT") else {}
     nobody = plant.request(method, path, follow_redirects=False, **content)
     if needed is None:
         assert nobody.status_code == 401 if rule == "POST /login" else nobody.status_code in (200, 303)
@@ -345,6 +353,40 @@ def test_a_job_is_stopped_changed_and_deleted_by_its_person_or_an_administrator(
     listed = [j["id"] for j in ask_as(plant, "luis", "GET", "/api/jobs", params={"person": "wanda"}).json()]
     assert listed == [made[1]["id"]]
     assert ask_as(plant, "ada", "DELETE", second).status_code == 204
+
+
+def test_a_job_that_two_have_asked_for_belongs_to_both(plant):
+    plant.people.add("bob", Role.WORK, None)
+    plant.tokens["bob"] = plant.people.make_token("bob", "x")
+    asked = {"cell": "ur10/edbb", "seed": 7}
+    job = ask_as(plant, "wanda", "POST", "/api/plans", json=asked).json()["url"]
+    assert ask_as(plant, "bob", "POST", "/api/plans", json=asked).json()["people"] == ["bob", "wanda"]
+    listed = [j["url"] for j in ask_as(plant, "luis", "GET", "/api/jobs", params={"person": "bob"}).json()]
+    assert listed == [job]
+    assert ask_as(plant, "bob", "PATCH", job, json={"note": "x"}).status_code == 200
+    assert ask_as(plant, "wanda", "POST", f"{job}/cancel").json()["state"] == "queued", "it goes on for the other"
+    left = ask_as(plant, "bob", "GET", job).json()
+    assert (left["people"], left["person"]) == (["bob"], "bob")
+    assert ask_as(plant, "wanda", "DELETE", job).status_code == 403
+    assert ask_as(plant, "bob", "POST", f"{job}/cancel").json()["state"] == "cancelled"
+    ask_as(plant, "wanda", "POST", "/api/plans", json=asked)
+    ask_as(plant, "bob", "POST", "/api/plans", json=asked)
+    ask_as(plant, "ada", "POST", f"{job}/cancel")
+    assert ask_as(plant, "wanda", "DELETE", job).status_code == 204
+    assert ask_as(plant, "bob", "GET", job).status_code == 200, "what one deletes the other keeps"
+    assert ask_as(plant, "bob", "DELETE", job).status_code == 204
+    assert ask_as(plant, "bob", "GET", job).status_code == 404
+
+
+def test_a_name_is_never_used_twice_for_other_people(plant):
+    plant.people.add("berta", Role.WORK, None)
+    plant.tokens["berta"] = plant.people.make_token("berta", "x")
+    ask_as(plant, "berta", "POST", "/api/plans", json={"cell": "ur10/edbb", "seed": 8})
+    plant.people.remove("berta")
+    with pytest.raises(InputError, match="somebody of this name has worked here"):
+        plant.people.add("berta", Role.WORK, None)
+    plant.people.add("berta", Role.WORK, None, same_person=True)
+    plant.people.remove("berta")
 
 
 def test_the_log_says_who_did_what(plant):

@@ -12,9 +12,10 @@ from types import SimpleNamespace
 import pytest
 from argon2 import PasswordHasher
 
-from planner.checks.record import Circumstances, latest_day
+from planner.checks.record import Circumstances
+from planner.checks.record_changes import latest_day
 from planner.common.errors import InputError
-from planner.service import backup, job_api, pages, record_store
+from planner.service import backup, job_api, pages, record_store, robot_pages
 from planner.service.backup import back_up, restore
 from planner.service.cluster import ClusterRunner
 from planner.service.cluster_work import Work, WorkEnd
@@ -27,10 +28,11 @@ from planner.service.job_process import RESULTS
 from planner.service.job_request import JobRequest
 from planner.service.job_store import JobStore, UnknownJobError
 from planner.service.people import PeopleStore
+from planner.service.record_index import RecordedEntry
 from planner.service.record_store import RecordStore
 from planner.service.runner import INPUT_FOLDER, JobRunner
+from planner.service.session_store import SessionStore, Tick, UnknownSessionError
 from planner.service.settings import DAY_S, JobLimits, Retention, Role
-from planner.service.tick_store import Tick, TickStore
 from tests.service.conftest import client_of
 from tests.service.test_crashes import CHEAP
 from tests.service.test_keeping import CALIBRATION, Plant
@@ -145,8 +147,8 @@ def test_a_job_that_is_gone_takes_no_progress_and_no_ticks(plant):
     job = plant.jobs.get(A)
     plant.keeper.delete(A)
     plant.jobs.progress(job, "poses", 1, 2)
-    with pytest.raises(UnknownJobError):
-        TickStore(plant.db).merge(A, [Tick(step="step-1", done=True, at="2026-01-01T00:00:00Z")], "")
+    with pytest.raises(UnknownSessionError):
+        SessionStore(plant.db).merge(A, [Tick(step="step-1", done=True, at="2026-01-01T00:00:00Z")], "")
 
 
 def test_a_file_that_is_deleted_while_it_goes_out_goes_out_whole(plant, monkeypatch):
@@ -200,7 +202,7 @@ def test_what_is_being_added_to_a_record_is_not_deleted(plant, monkeypatch):
     keeper = JobKeeper(plant.db, plant.jobs, plant.files, records.index)
     deleted = Meanwhile(lambda: keeper.delete(A))
     before(monkeypatch, record_store, "add_entry", deleted)
-    records.add("R1", plant.jobs.get(A), Circumstances(date=latest_day()), None)
+    records.add("R1", plant.jobs.get(A), Circumstances(date=latest_day()), RecordedEntry())
     with pytest.raises(KeptJobError, match="R1 cites it"):
         deleted.result()
     assert plant.ids() == {"a"}
@@ -211,7 +213,7 @@ def test_what_was_deleted_is_not_added_to_a_record(plant):
     records, job = RecordStore(plant.folder, plant.jobs, plant.files, plant.db), plant.jobs.get(A)
     plant.keeper.delete(A)
     with pytest.raises(UnknownJobError):
-        records.add("R1", job, Circumstances(date=latest_day()), None)
+        records.add("R1", job, Circumstances(date=latest_day()), RecordedEntry())
     assert records.index.count() == 0
 
 
@@ -246,8 +248,8 @@ def test_a_page_is_of_one_moment(plant, monkeypatch, page):
     """The plan is deleted while the page is made; files are gone then, what the database knew is shown."""
     plant.run("a", outputs=[("plan.json", PLAN)])
     deleted = Meanwhile(lambda: plant.keeper.delete(A))
-    for name in ("_plans", "_show_plan", "describe_robot"):
-        before(monkeypatch, pages, name, deleted)
+    for module, name in ((pages, "_plans"), (pages, "_show_plan"), (robot_pages, "describe_robot")):
+        before(monkeypatch, module, name, deleted)
     with client_of(plant.folder, workers=0, beside=0) as client:
         assert client.get(page).status_code == 200
 

@@ -29,21 +29,15 @@ async function showMap() {
 offerRecord(job);
 if (state === "done") {
   showMap();
-  find("#correct-form").addEventListener("submit", async (event) => {
+  find("#validate-form").addEventListener("submit", async (event) => {
     event.preventDefault();
-    const message = find("#correct-message"), result = find("#correct-result");
-    result.replaceChildren();
-    say(message, "Correcting …");
+    const message = find("#validate-message");
+    say(message, "Sending …");
     try {
-      const [program, ...files] = await Promise.all([...find("#program").files].map((file) => upload("files", file)));
-      const made = await post("/api/compensations", { program, files, model: job });
-      const done = made.state === "done" ? await get(made.url) : await finished(made.id);
-      const names = [program, ...files].map((file) => file.name);
-      const log = done.files.find((f) => f.name === "log");
-      say(message, done.exit_code === 5 ? "Corrected in part; the head of the file lists what was left as it was." : "Corrected.");
-      for (const file of done.files.filter((f) => names.includes(f.name)))
-        result.append(make("a", { href: root + file.url, download: file.name }, `corrected ${file.name}`), " ");
-      if (log) result.append(" ", make("a", { href: root + log.url, download: "log.txt" }, "log"));
+      const run = await upload("runs", find("#validation-run").files[0]), { request } = await get(`/api/jobs/${job}`);
+      const { plan, cell, files } = request;
+      const made = await post("/api/validations", { runs: [run], model: job, ...(plan && { plan }), ...(cell && { cell, files }) });
+      location.href = `${root}/jobs/${made.id}`;
     } catch (problem) { say(message, problem.message, true); }
   });
 }

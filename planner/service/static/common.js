@@ -128,9 +128,15 @@ export function showFacts(list, facts) {
 const HELPERS = ["plan-view", "fixture-view", "error-map", "cell-check", "run-check", "simulation", "export"];
 export const isResult = (job) => !HELPERS.includes(job.kind);
 
+/** How far a job is, or what it has found. */
+export const stateMark = (job) => make("span", { className: `state words ${job.sense ?? job.state}` }, job.verdict || job.state);
+
 /** A time in the zone of whoever looks. */
 export const timeText = (iso) => new Date(iso).toLocaleString("en-GB", {
   year: "numeric", month: "short", day: "2-digit", hour: "2-digit", minute: "2-digit", timeZoneName: "short" });
+
+/** A day where whoever looks is, as year-month-day. */
+export const dayText = (time) => [time.getFullYear(), time.getMonth() + 1, time.getDate()].map((n) => String(n).padStart(2, "0")).join("-");
 
 export const sizeText = (bytes) => bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`;
 

@@ -1,4 +1,4 @@
-import { find, make, page, root, timeText } from "./common.js";
+import { find, make, page, root, stateMark, timeText } from "./common.js";
 
 const PLANS = ["plan", "check-plan"];
 const form = find("#compare-form"), filter = find("#filter"), more = find("#more"), body = find("#jobs tbody");
@@ -22,8 +22,8 @@ function tick(job) {
 
 const row = (j) => make("tr", {}, make("td", {}, tick(j)),
   make("th", { scope: "row" }, make("a", { href: `${root}/jobs/${j.id}` }, j.kind)),
-  make("td", {}, j.title, j.note ? make("div", { className: "hint" }, j.note) : "", j.person ? make("div", { className: "hint" }, `by ${j.person}`) : ""),
-  make("td", {}, make("span", { className: `state ${j.state}` }, j.state), j.problem ? make("div", { className: "hint" }, j.problem.detail) : ""),
+  make("td", {}, j.title, j.serial ? make("div", { className: "hint" }, "robot ", make("a", { href: `${root}/robots/${j.serial}` }, j.serial)) : "", j.note ? make("div", { className: "hint" }, j.note) : "", j.people.length ? make("div", { className: "hint" }, `by ${j.people.join(", ")}`) : ""),
+  make("td", {}, stateMark(j), j.problem ? make("div", { className: "hint" }, j.problem.detail) : ""),
   make("td", {}, timeText(j.created)));
 
 /** The address of the list with what the form says; a day counts from its beginning here. */
@@ -47,5 +47,14 @@ async function show(path, first) {
   choose();
 }
 
-filter.addEventListener("submit", (event) => { event.preventDefault(); show(address(), true); });
+filter.addEventListener("submit", (event) => {
+  event.preventDefault();
+  const given = new URLSearchParams([...new FormData(filter)].filter(([, value]) => value)); // the address can be handed on
+  history.replaceState(null, "", given.size ? `?${given}` : location.pathname);
+  show(address(), true);
+});
+for (const [name, value] of new URLSearchParams(location.search)) {
+  const field = filter.elements[name];
+  if (field?.type === "checkbox") field.checked = value === field.value; else if (field) field.value = value;
+}
 await show(address(), true);

@@ -1,17 +1,15 @@
 // The checklist at the cell: what is ticked is kept on this device at once, and sent when the service answers.
-import { find, root, timeText } from "./common.js";
+import { find, post, root, say, timeText } from "./common.js";
 
-const { job, planId } = document.body.dataset;
-const key = `edbb-session-${planId}`, boxes = [...document.querySelectorAll(".checklist input")];
+const { session, plan, serial } = document.body.dataset;
+const key = `edbb-session-${session}`, who = find("#who"), boxes = [...document.querySelectorAll(".checklist input")];
 const LOOK_MS = 10_000; // between two looks for what other devices have ticked
 let ticks = read(), mayTick = true, sending = false;
 
 /** What is known of each step: done, at, person; ``unsent`` where the service has not been told. */
 function read() {
   try {
-    const kept = JSON.parse(localStorage.getItem(key) || "{}");
-    if (!Array.isArray(kept)) return kept;
-    return Object.fromEntries(kept.map((step) => [step, { done: true, at: new Date().toISOString(), unsent: true }])); // of before
+    return JSON.parse(localStorage.getItem(key) || "{}");
   } catch { return {}; }
 }
 
@@ -32,7 +30,7 @@ function show() {
 }
 
 function tick(box, done) {
-  ticks[box.id] = { done, at: new Date().toISOString(), unsent: true };
+  ticks[box.id] = { done, at: new Date().toISOString(), person: document.body.dataset.named || who?.value || "", unsent: true };
 }
 
 /** Send what is unsent, and take over what others have ticked. */
@@ -40,15 +38,15 @@ async function sync() {
   if (sending) return;
   sending = true;
   const open = mayTick ? unsent() : [];
-  const body = { ticks: open.map(([step, { done, at }]) => ({ step, done, at })) };
+  const body = { person: who?.value ?? "", ticks: open.map(([step, { done, at }]) => ({ step, done, at })) };
   try {
-    const path = `/api/jobs/${job}/ticks`;
-    const answer = await fetch(root + path, open.length ? { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) } : {});
+    const path = `/api/sessions/${session}`;
+    const answer = await fetch(root + path + (open.length ? "/ticks" : ""), open.length ? { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) } : {});
     if (answer.status === 403) { mayTick = false; tell("You may look, not tick for others: what you tick stays on this device."); return; }
     if (answer.status === 401) { tell("Log in to send what is ticked: it is kept on this device."); return; }
     if (!answer.ok) throw new Error(answer.statusText);
     const before = new Map(open.map(([step, t]) => [step, t.at]));
-    for (const { step, ...known } of await answer.json()) {
+    for (const { step, ...known } of (await answer.json()).ticks) {
       const own = ticks[step];
       if (!own?.unsent || own.at === before.get(step)) ticks[step] = known; // ticked again meanwhile: that is sent next
     }
@@ -66,7 +64,20 @@ for (const box of boxes) {
   box.addEventListener("change", () => { tick(box, box.checked); keep(); show(); sync(); });
   box.disabled = false; // not before a tick is kept: one made earlier would be lost
 }
-find("#again").addEventListener("click", () => { boxes.forEach((b) => tick(b, false)); keep(); show(); sync(); });
+if (who) {
+  who.value = localStorage.getItem("edbb-name") ?? "";
+  who.addEventListener("input", () => localStorage.setItem("edbb-name", who.value));
+}
+// asked first: the others of this session stand at the cell too
+find("#again")?.addEventListener("click", async (event) => {
+  if (event.target.dataset.sure !== "yes") {
+    event.target.dataset.sure = "yes";
+    event.target.textContent = "Begin a new session";
+    say(find("#again-message"), "This session ends for everybody, and stays in the history of the robot with its ticks. Press again to begin a new one.");
+    return;
+  }
+  try { location.href = root + (await post("/api/sessions", { plan, serial, anew: true })).url; } catch (problem) { say(find("#again-message"), problem.message, true); }
+});
 addEventListener("online", sync);
 document.addEventListener("visibilitychange", () => { if (!document.hidden) sync(); });
 setInterval(sync, LOOK_MS);

@@ -1,4 +1,4 @@
-import { find, finished, get, isResult, make, post, root, say, upload } from "./common.js";
+import { find, finished, get, isResult, make, post, root, say, send, stateMark, upload } from "./common.js";
 
 const message = find("#cell-message");
 
@@ -23,7 +23,16 @@ find("#cell-form").addEventListener("submit", async (event) => {
   try { await checkCell([...find("#cell-file").files]); } catch (problem) { say(message, problem.message, true); }
 });
 
+find("#robot-form").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const serial = encodeURIComponent(find("#new-serial").value);
+  try {
+    await send("PUT", `/api/records/${serial}`, { robot: find("#new-model").value });
+    location.href = `${root}/robots/${serial}`;
+  } catch (problem) { say(find("#robot-message"), problem.message, true); }
+});
+
 const jobs = (await get("/api/jobs?most=60")).filter(isResult);
 find("#lately-none").hidden = jobs.length > 0;
 find("#lately-list").append(...jobs.slice(0, 8).map((j) => make("li", {},
-  make("a", { href: `${root}/jobs/${j.id}` }, `${j.kind} of ${j.title}`), " ", make("span", { className: `state ${j.state}` }, j.state))));
+  make("a", { href: `${root}/jobs/${j.id}` }, `${j.kind} of ${j.title}`), " ", stateMark(j))));

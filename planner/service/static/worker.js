@@ -1,7 +1,7 @@
 // Keeps the checklist of a session on the device, with what it is drawn by: at the cell there may be no network.
 const CACHE = "edbb-session";
 const ROOT = self.location.pathname.replace(/\/worker\.js$/, ""); // where the service lies on its host
-const KEPT = [/^\/jobs\/[0-9a-f]{24}\/session$/, /^\/static\//];
+const KEPT = [/^\/sessions\/[0-9a-f]{24}$/, /^\/static\//];
 
 self.addEventListener("install", () => self.skipWaiting());
 self.addEventListener("activate", (event) => event.waitUntil(self.clients.claim()));
