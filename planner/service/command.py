@@ -122,8 +122,7 @@ def serve_command(
     store = (data or default_folder()).resolve()
     if what:
         act(what, UserOptions(role, label, no_password, same_person), store)
-        return
-    if open_page and show_other_service(host, port):
+    if what or (open_page and show_other_service(host, port)):
         return
     most = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
     shares = share_memory(most, None if memory_gb is None else int(memory_gb * GB), machine_memory())
