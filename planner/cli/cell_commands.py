@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from planner.centring.settings import CentringSettings
     from planner.centring.stop import StopRequest
     from planner.kinematics.robot import Robot
+    from planner.session.planned_session import PlannedSession
 
 
 Until = Annotated[
@@ -105,11 +106,12 @@ def centre_command(
     output = output or Path(file_of(".csv")("centre", plan_file))
     if stop_file is not None and stop_file.exists():
         raise InputError(f"the stop file {stop_file} is there already; remove it to begin")
-    cell = _read_cell(plan_file, simulate)
+    planned = _read_session(plan_file, simulate)
+    cell = None if planned is None else planned.cell
     session, stop = open_session(plan_file, output), StopRequest(stop_file)
     adviser = _centring_adviser(plan_file, cell, session, until, after)
-    if session.pending_visits and simulate and cell:
-        _simulate(session, cell, settings, stop, seed, adviser)
+    if session.pending_visits and simulate and planned:
+        _simulate(session, planned, settings, stop, seed, adviser)
     elif session.pending_visits and robot and indicators:
         known = load_robot(session.way.robot) if cell is None else cell.robot
         _run(session, robot, known, indicators.split(","), settings, stop, follow, adviser)
@@ -125,8 +127,8 @@ def _print_end(session: CentringSession, output: Path, plan_file: Path, as_json:
     print_next(evaluation_step(output, plan_file))
 
 
-def _read_cell(plan_file: Path, needed: bool) -> Cell | None:
-    """Return the cell beside a plan, once it has a head and the plan holds; nothing where no cell lies there."""
+def _read_session(plan_file: Path, needed: bool) -> PlannedSession | None:
+    """Return a plan with the cell beside it, once that has a head and the plan holds; nothing without a cell."""
     from planner.programs.dialect import PathForm
     from planner.session.judgement import judge_plan
     from planner.session.neutral_program import session_program
@@ -139,7 +141,7 @@ def _read_cell(plan_file: Path, needed: bool) -> Cell | None:
     _ = planned.cell.gauge.indicators  # refused where there are none
     program = session_program(planned.cell, planned.courses, planned.plan_id, PathForm())
     print_notes(judge_plan(plan_file, planned.cell, program, planned.notes))
-    return planned.cell
+    return planned
 
 
 def _centring_adviser(
@@ -189,7 +191,7 @@ def _run(
 
 def _simulate(
     session: CentringSession,
-    cell: Cell,
+    planned: PlannedSession,
     settings: CentringSettings,
     stop: StopRequest,
     seed: int,
@@ -199,10 +201,12 @@ def _simulate(
     from planner.centring.simulated import SimulatedArm
     from planner.centring.stop import stop_on_signals
     from planner.runs.run import SIMULATED
-    from planner.simulation.truth import draw_truth
+    from planner.simulation.simulated_run import planned_samples
+    from planner.simulation.truth import draw_expected_truth
 
-    truth = draw_truth(cell, seed)
-    arm = SimulatedArm(cell, truth, settings, seed)
+    samples = planned_samples(planned.cell, planned.document, planned.courses)
+    truth = draw_expected_truth(planned.cell, seed, samples)
+    arm = SimulatedArm(planned.cell, truth, settings, seed)
     session.journal.remarks = "".join(f"# truth: {line}\n" for line in (SIMULATED, *truth.lines()))
     at_once = settings.model_copy(update={"rest": settings.rest.model_copy(update={"settle_s": 0.0})})
     with stop_on_signals(stop):

@@ -13,7 +13,7 @@ from planner.common.units import to_mm
 from planner.runs.writer import save_run
 from planner.session.planned_session import PlannedSession
 from planner.simulation.simulated_run import SimulatedRun, planned_samples, simulate_run
-from planner.simulation.truth import TruthEffectFile, draw_truth, effects_from_file
+from planner.simulation.truth import TruthEffectFile, draw_expected_truth, effects_from_file
 from planner.workflow.identification import CalibrationResult, identify
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan
@@ -120,9 +120,10 @@ def demo(cell: str = CELL, poses: int | None = None, seed: int = 0, progress: Pr
     random = np.random.default_rng(seed)
     joint, size = int(random.integers(2, driven.cell.robot.n_joints)), float(np.round(random.uniform(*SIZES)))
     on = f"joint {joint}"
-    truth = draw_truth(driven.cell, seed)
+    truth = draw_expected_truth(driven.cell, seed, samples)
     fault = TruthEffectFile(kind=HIDDEN, on=on, value=size, unit="urad")
-    known = replace(truth, effects=effects_from_file(Path("demo"), (fault,), truth.model.setup, samples))
+    hidden = effects_from_file(Path("demo"), (fault,), truth.model.setup, samples)
+    known = replace(truth, effects=(*truth.effects, *hidden))
     Stages(progress).say("simulation", 0, 0)
     run = simulate_run(driven.cell, driven.plan_id, samples, known, seed)
     robot = identify(run, plan=session, progress=progress)

@@ -12,14 +12,16 @@ from planner.centring.simulated import SimulatedArm
 from planner.centring.stop import StopRequest
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.runs.run import Samples
-from planner.simulation.truth import draw_truth
+from planner.simulation.truth import draw_expected_truth, draw_truth
 
 
 def test_balls_are_met_millimetres_off_and_centred_to_micrometres():
     whole = load_cell("kuka-kr6-r700/trical")
     cell = replace(whole, plan=replace(whole.plan, candidates=8))
     pool = draw_ball_candidates(cell, 8)
-    truth, settings = draw_truth(cell, 1), CentringSettings(rest=RestSettings(settle_s=0.0))
+    truth = draw_expected_truth(cell, 1, Samples.at(pool.q))
+    assert truth.effects  # gears and what plans expect of every robot, not geometry alone
+    settings = CentringSettings(rest=RestSettings(settle_s=0.0))
     arm = SimulatedArm(cell, truth, settings, 1)
     model, errors = truth.complete_model()
     far = []

@@ -1,6 +1,7 @@
 """``edbb demo``, to its end: whole folders, and an answer that its own findings bear out."""
 
 import json
+import re
 
 import pytest
 
@@ -26,6 +27,9 @@ def test_the_demo_runs_to_its_end(tmp_path, seed):
     assert said == json.loads((out / "demo.json").read_text())
     assert said["simulated"] is True
     assert 200 <= said["hidden"]["size_urad"] <= 400
+    (drawn,) = re.findall(r"^# truth: effects = \[(.*)\]$", (out / "run.csv").read_text(), re.MULTILINE)
+    assert drawn.count("gear error curve") == 6  # the robot is one that the plan expects
+    assert f'"{said["hidden"]["effect"]}", on = "{said["hidden"]["on"]}"' in drawn  # and has the fault
     document = json.loads((out / "calibrated" / "identification.json").read_text())
     hidden = f"{said['hidden']['effect']}, {said['hidden']['on']}"
     each = [m for f in document["findings"] for m in f.get("members", [f])]
