@@ -52,4 +52,4 @@ def evaluated(seed=0, rough=True):
 
 
 def cell_text():
-    return (Path(__file__).resolve().parents[3] / "robots" / "abb-irb6700" / "cells" / "ldbb.toml").read_text()
+    return (Path(__file__).resolve().parents[2] / "robots" / "abb-irb6700" / "cells" / "ldbb.toml").read_text()
