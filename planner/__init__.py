@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # for type checkers and editors
     from planner.cell.reading import load_cell as load_cell
     from planner.common.result import Plot as Plot
     from planner.common.result import Result as Result
-    from planner.identification.forward import forward as forward
+    from planner.documents.forward import forward as forward
     from planner.kinematics.robot import Robot as Robot
     from planner.kinematics.robot_reader import load_robot as load_robot
     from planner.runs.frames import frame_of_run as frame_of_run

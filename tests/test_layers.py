@@ -24,9 +24,9 @@ ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
 ORDER = [
     "common", "kinematics", "runs", "cell", "effects", "gauges", "model", "motion", "design", "programs", "session",
-    "identification", "tracing", "compensation", "simulation", "centring", "next_session",
-    "accuracy", "circular", "loaded", "checks", "report", "studies", "workflow", "reproduction",
-    "cli", "service", "wings",
+    "fit", "inference", "tracing", "release", "documents", "identification", "compensation",
+    "simulation", "centring", "next_session", "accuracy", "circular", "loaded", "checks", "report", "studies",
+    "workflow", "reproduction", "cli", "service", "wings",
 ]  # fmt: skip
 
 

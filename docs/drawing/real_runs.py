@@ -16,12 +16,12 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.units import MM, Array, to_mm
-from planner.identification.calibrated_robot import CalibratedRobot
-from planner.identification.calibration import Calibration
-from planner.identification.cross_validation import validate_fit, validation_residual
-from planner.identification.least_squares import Fit
+from planner.documents.calibrated_robot import CalibratedRobot
+from planner.documents.calibration import Calibration
+from planner.fit.cross_validation import validate_fit, validation_residual
+from planner.fit.least_squares import Fit
+from planner.fit.run_setup import add_motion, setup_for_run
 from planner.identification.pipeline import FitSettings
-from planner.identification.run_setup import add_motion, setup_for_run
 from planner.kinematics.robot_reader import load_robot
 from planner.model.identification_document import Metrics
 from planner.runs.loader import load_run, load_runs

@@ -13,13 +13,13 @@ from planner.checks.detection import Detector, Explanation
 from planner.checks.naming import weigh_changes
 from planner.common.errors import InputError
 from planner.common.units import Array
+from planner.documents.baseline import Baseline
 from planner.effects.backlash import ApproachDirection
 from planner.effects.basis import ONE, BasisFunction
 from planner.effects.effect import Parameter, transform_move
 from planner.effects.gears import WAVES, JointWave
-from planner.identification.baseline import Baseline
-from planner.identification.contenders import HUNDRED_TO_ONE
-from planner.identification.run_setup import add_motion
+from planner.fit.run_setup import add_motion
+from planner.inference.candidates import HUNDRED_TO_ONE
 from planner.model.model import Model
 from planner.model.tool_error import tool_rows, uniform_states
 from planner.runs.run import Run, Samples

@@ -14,8 +14,8 @@ import numpy as np
 from planner.checks.detection import Detector
 from planner.common.lazy_modules import stats
 from planner.common.units import Array
-from planner.identification.contest import Beside
-from planner.identification.contest_arena import Block
+from planner.inference.comparison_columns import Block
+from planner.inference.model_comparison import Beside
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from planner.common.units import Array
 from planner.design.observability.identifiability import find_identifiable
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.index_bound import certify_bound
-from planner.identification.baseline import Baseline
+from planner.documents.baseline import Baseline
 from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.session.planning import PoseSession, Selection

@@ -18,7 +18,7 @@ from planner.checks.evaluation import (
 )
 from planner.common.summary import Fact, Summary
 from planner.common.units import Array, in_units, round_finite, to_deg, to_mm
-from planner.identification.baseline import Baseline
+from planner.documents.baseline import Baseline
 from planner.model.finding import percent
 from planner.runs.run import Samples
 

@@ -10,7 +10,7 @@ from planner.common.summary import Fact, under_key
 from planner.common.units import MM, Array, to_mm
 from planner.compensation.targets import Target, group_tool_points, line_ranges
 from planner.compensation.tolerances import WORSE_RATIO
-from planner.identification.expected_error import ExpectedError
+from planner.documents.expected_error import ExpectedError
 
 
 @dataclass(frozen=True)

@@ -13,45 +13,40 @@ from planner.common.summary import Aside
 from planner.common.system import give_back_memory
 from planner.common.units import MM, Array
 from planner.design.observability.information import r_factor
+from planner.documents.calibration import (
+    Calibration,
+    ResidualDiagnosis,
+    find_joint_zeros,
+    find_other_zeros,
+)
 from planner.effects.steps import SLIP
-from planner.identification.artifact_pose import gauge_frames
-from planner.identification.assumptions import (
+from planner.fit.artifact_pose import gauge_frames
+from planner.fit.assumptions import (
     COUNTED,
     FEW_READINGS_EACH,
     LARGEST_HELD_OUT,
 )
-from planner.identification.better_explanations import explain_better
-from planner.identification.calibration import (
-    Calibration,
-    ResidualDiagnosis,
-    TracingResult,
-    find_joint_zeros,
-    find_other_zeros,
-)
-from planner.identification.causes import Causes, name_causes
-from planner.identification.covariance import (
+from planner.fit.better_explanations import explain_better
+from planner.fit.covariance import (
     consider_covariance,
     parameter_covariance,
     workspace_error,
     workspace_warning,
 )
-from planner.identification.cross_validation import (
+from planner.fit.cross_validation import (
     Split,
     finer_split,
     number_targets,
     predict_held_out,
 )
-from planner.identification.gross_errors import DeclaredGeometry, gross_error
-from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
-from planner.identification.least_squares import Fit
-from planner.identification.noise import least_noise
-from planner.identification.nominal_comparison import worse_than_nominal
-from planner.identification.release import describe_release, draws_note, release_robot, tool_point_advice
-from planner.identification.released_parameters import released_estimates, std_beside_robot
-from planner.identification.released_robot import ReleasedRobot
+from planner.fit.gross_errors import DeclaredGeometry, gross_error
+from planner.fit.identifiable_parameters import FittedParameters, estimate_parameters
+from planner.fit.least_squares import Fit
+from planner.fit.noise import least_noise
 from planner.identification.residual_tests import diagnose_residual
 from planner.identification.run_warnings import collect_warnings, warn_of_validation
-from planner.identification.stages import FitContext, FittedStage
+from planner.inference.candidates import TracingResult
+from planner.inference.stages import FitContext, FittedStage
 from planner.model.gauge_frames import GaugeFrames
 from planner.model.identification_document import (
     Estimate,
@@ -64,6 +59,11 @@ from planner.model.identification_document import (
     WithinGroups,
     error_size,
 )
+from planner.release.causes import Causes, name_causes
+from planner.release.nominal_comparison import worse_than_nominal
+from planner.release.released_parameters import released_estimates, std_beside_robot
+from planner.release.released_robot import ReleasedRobot
+from planner.release.releasing import describe_release, draws_note, release_robot, tool_point_advice
 from planner.runs.run import Run
 
 NO_POSTERIOR = (

@@ -8,18 +8,19 @@ from planner.common.errors import InputError
 from planner.common.progress import StageReport
 from planner.common.system import give_back_memory, keep_freed_memory
 from planner.design.assumptions import TRACEABLE_READINGS
+from planner.documents.calibration import Calibration
 from planner.effects.compliance import JOINT_COMPLIANCE
-from planner.identification.artifact_pose import use_declared_pose
+from planner.fit.artifact_pose import use_declared_pose
+from planner.fit.assumptions import TOO_FEW_READINGS
+from planner.fit.better_explanations import explain_failure
+from planner.fit.cross_validation import split_run, validate_fit
+from planner.fit.identifiable_parameters import choose_parameters, parameters_of_groups
+from planner.fit.least_squares import Fit
+from planner.fit.run_setup import add_motion, check_pull, locate_gauge, number_samples, setup_for_run
 from planner.identification.assessment import approach_warnings, assess_fit, too_few_text
-from planner.identification.assumptions import TOO_FEW_READINGS
-from planner.identification.better_explanations import explain_failure
-from planner.identification.calibration import Calibration, TracingResult
-from planner.identification.cross_validation import split_run, validate_fit
-from planner.identification.identifiable_parameters import choose_parameters, parameters_of_groups
-from planner.identification.least_squares import Fit
-from planner.identification.posterior_draws import ChainLimits
-from planner.identification.run_setup import add_motion, check_pull, locate_gauge, number_samples, setup_for_run
-from planner.identification.stages import FitContext, Tracer, add_declared_stages, add_stage_if_gain
+from planner.inference.candidates import TracingResult
+from planner.inference.posterior_draws import ChainLimits
+from planner.inference.stages import FitContext, Tracer, add_declared_stages, add_stage_if_gain
 from planner.model.identification_document import Metrics, ReleaseBasis
 from planner.model.model import Model
 from planner.runs.run import Run

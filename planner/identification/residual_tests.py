@@ -14,13 +14,13 @@ from scipy.special import chdtrc, fdtrc
 from planner.common.determinism import even_positions
 from planner.common.robust import MEDIAN_NORM
 from planner.common.units import Array, read_only
-from planner.identification.assumptions import CLIPPED_SIGMAS, LARGE_NOISE_RATIO, SIGNIFICANCE
-from planner.identification.calibration import ResidualDiagnosis, ResidualTest
-from planner.identification.covariance import correlation_time
-from planner.identification.cross_validation import number_targets
-from planner.identification.least_squares import Fit, subset_size
-from planner.identification.problem import FitProblem, ProblemCache
-from planner.identification.residual_alternatives import alternative_columns, joint_columns
+from planner.documents.calibration import ResidualDiagnosis, ResidualTest
+from planner.fit.assumptions import CLIPPED_SIGMAS, LARGE_NOISE_RATIO, SIGNIFICANCE
+from planner.fit.covariance import correlation_time
+from planner.fit.cross_validation import number_targets
+from planner.fit.least_squares import Fit, subset_size
+from planner.fit.problem import FitProblem, ProblemCache
+from planner.fit.residual_alternatives import alternative_columns, joint_columns
 from planner.model.row_basis import space_basis
 
 FEWEST_DOF = 10.0  # degrees of freedom of the correlation time, below which nothing is said

@@ -9,12 +9,12 @@ from planner.cell.file import FIRST_POINT
 from planner.common.advice import Occasion, advice
 from planner.common.summary import Aside
 from planner.common.units import MM, Array
-from planner.identification.artifact_pose import declared_pose_warnings
-from planner.identification.assumptions import COUNTED, STRONG_PULL
-from planner.identification.cross_validation import validation_residual
-from planner.identification.least_squares import Fit
-from planner.identification.run_setup import setup_for_run
-from planner.identification.wild_rows import validation_weights
+from planner.fit.artifact_pose import declared_pose_warnings
+from planner.fit.assumptions import COUNTED, STRONG_PULL
+from planner.fit.cross_validation import validation_residual
+from planner.fit.least_squares import Fit
+from planner.fit.run_setup import setup_for_run
+from planner.fit.wild_rows import validation_weights
 from planner.model.identification_document import error_size
 from planner.runs.run import Run
 

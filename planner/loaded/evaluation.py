@@ -12,9 +12,9 @@ from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM, UM, Array, read_only
+from planner.fit.run_setup import setup_for_run
 from planner.gauges.placement.flange_poses import FlangePoses, nominal_flange_poses
 from planner.gauges.placement.frames import place_frames
-from planner.identification.run_setup import setup_for_run
 from planner.kinematics.geometry import bar_state
 from planner.loaded.assumptions import SAMPLES, TOLD
 from planner.loaded.compliance import bar_deflection, fit_compliances

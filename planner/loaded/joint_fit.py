@@ -11,12 +11,12 @@ from planner.cell.placement import Targets
 from planner.common.errors import InputError
 from planner.common.units import UM, Array, read_only
 from planner.effects.compliance import compliance_parameters
-from planner.identification.covariance import correlation_time
-from planner.identification.identifiable_parameters import estimate_parameters, identifiable_subset
-from planner.identification.least_squares import fit
-from planner.identification.problem import FitProblem
-from planner.identification.run_setup import add_motion, locate_gauge, setup_for_run
-from planner.identification.wild_rows import row_weights
+from planner.fit.covariance import correlation_time
+from planner.fit.identifiable_parameters import estimate_parameters, identifiable_subset
+from planner.fit.least_squares import fit
+from planner.fit.problem import FitProblem
+from planner.fit.run_setup import add_motion, locate_gauge, setup_for_run
+from planner.fit.wild_rows import row_weights
 from planner.loaded.assumptions import JOINT_FIT
 from planner.loaded.types import AveragedCurves, LoadedEvaluation
 from planner.model.identification_document import Estimate

@@ -13,8 +13,8 @@ from planner.cell.cell import Cell
 from planner.common.schema import validate
 from planner.design.bayesian_design import BayesianPosterior, select_greedily
 from planner.design.expected_errors import error_limit
-from planner.identification.calibration import Calibration
-from planner.identification.expected_error import NAME, ExpectedError, ExpectedErrorContent, ExpectedErrorFile
+from planner.documents.calibration import Calibration
+from planner.documents.expected_error import NAME, ExpectedError, ExpectedErrorContent, ExpectedErrorFile
 from planner.model.more_poses import MorePoses
 from planner.next_session.assumptions import NEXT_SESSION_POSES
 from planner.next_session.remaining_errors import CalibratedState, RemainingErrors, mounting_of

@@ -20,12 +20,12 @@ from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError
 from planner.common.units import Array, from_mm, to_mm
 from planner.design.expected_errors import EVERYWHERE, square_error_limit
+from planner.documents.baseline import joint_noise_of
+from planner.documents.calibrated_robot import effect_parameter
+from planner.documents.expected_error import ExpectedError, StandingGauge
 from planner.effects.effect import Parameter, tool_point_parameters
 from planner.effects.sizes import UNKNOWN_PRIOR
-from planner.identification.baseline import joint_noise_of
-from planner.identification.calibrated_robot import effect_parameter
-from planner.identification.expected_error import ExpectedError, StandingGauge
-from planner.identification.posterior_background import acts_on_robot, background_families
+from planner.inference.posterior_background import acts_on_robot, background_families
 from planner.model.identification_document import Identification
 from planner.model.model import Model
 from planner.model.tool_error import WORKSPACE_STATES, uniform_states

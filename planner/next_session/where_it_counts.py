@@ -11,7 +11,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.targets import ToolAndBase
-from planner.identification.calibrated_robot import CalibratedRobot
+from planner.documents.calibrated_robot import CalibratedRobot
 from planner.kinematics.robot_reader import load_robot
 from planner.model.tool_error import WORKSPACE_STATES, uniform_states
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array, to_deg, to_mm
-from planner.identification.error_parts import error_parts, misfit_motion, misfit_place, open_misfit
-from planner.identification.released_robot import ReleasedRobot
-from planner.identification.suitability import ENOUGH, target_errors
 from planner.model.identification_document import error_size
 from planner.model.tool_error import tool_position
 from planner.model.use_text import TOOLS
+from planner.release.error_parts import error_parts, misfit_motion, misfit_place, open_misfit
+from planner.release.released_robot import ReleasedRobot
+from planner.release.suitability import ENOUGH, target_errors
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts, PlotVariable, error_along, error_by_pose
 from planner.report.chart import (
     BLACK,

@@ -8,9 +8,9 @@ import numpy as np
 from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.units import Array, to_deg, to_mm
+from planner.documents.calibration import Calibration
+from planner.documents.calibration_summary import summarize
 from planner.effects.context import Context
-from planner.identification.calibration import Calibration
-from planner.identification.calibration_summary import summarize
 from planner.kinematics.geometry import bar_state
 from planner.model.calibration_summary import CalibrationSummary
 from planner.model.identification_document import Release, Stage, error_size

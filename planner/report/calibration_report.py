@@ -7,7 +7,7 @@ import numpy as np
 
 import planner.report.calibration_text as text
 from planner.common.units import to_deg, to_mm
-from planner.identification.calibration import Calibration, joint_zeros_text
+from planner.documents.calibration import Calibration, joint_zeros_text
 from planner.model.identification_document import Estimate, Metrics, Stage, error_size
 from planner.model.use_text import use_head, use_rows
 from planner.report.calibration_charts import draw_calibration_charts

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from planner.common.units import Array, display_unit, file_unit, si_unit
-from planner.identification.calibration import Calibration
-from planner.identification.error_parts import drift_counts
-from planner.identification.own_errors import own_errors_text
+from planner.documents.calibration import Calibration
+from planner.documents.gauge_unit_errors import own_errors_text
 from planner.model.finding import Finding, percent
 from planner.model.identification_document import DetectionLimit, Estimate
+from planner.release.error_parts import drift_counts
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, ToldFinding, told_findings
 from planner.report.formatting import count_text, decimals_of, digits, in_mm

@@ -3,7 +3,7 @@
 import numpy as np
 
 from planner.common.units import to_mm
-from planner.identification.error_history import ErrorHistory, error_history
+from planner.release.error_history import ErrorHistory, error_history
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.chart import BLUE, GREY, ORANGE, Chart, Panel, Series
 from planner.report.formatting import digits

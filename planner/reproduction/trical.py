@@ -16,10 +16,10 @@ from planner.common.progress import Stages
 from planner.common.units import MM, Array, to_mm
 from planner.design.free_parameters import preference_order
 from planner.design.observability.identifiability import find_identifiable
+from planner.documents.calibrated_robot import calibrated_files
 from planner.effects.compliance import compliance_parameters
-from planner.identification.calibrated_robot import calibrated_files
 from planner.identification.pipeline import FitSettings, identify
-from planner.identification.stages import Tracer
+from planner.inference.stages import Tracer
 from planner.model.model import Model
 from planner.model.tool_error import uniform_states
 from planner.reproduction.published import paper_numbers

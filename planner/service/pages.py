@@ -19,7 +19,7 @@ from planner.checks.record import CheckedChange, CheckFile
 from planner.circular.document import CircularDocument
 from planner.common.errors import InputError
 from planner.common.schema import read_json
-from planner.identification.baseline import NAME as BASELINE
+from planner.documents.baseline import NAME as BASELINE
 from planner.model.finding import percent
 from planner.model.identification_document import Identification
 from planner.service.answers import Job

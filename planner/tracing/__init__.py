@@ -1,3 +1,5 @@
 """From the residual of a fit to named effects."""
 
-__all__ = ["trace"]
+__all__ = [
+    "trace",
+]  # fmt: skip

@@ -15,7 +15,7 @@ from scipy.linalg.blas import dtrsm
 
 from planner.common.units import Array
 from planner.effects.effect import Parameter, ParameterMove
-from planner.identification.problem import FitProblem
+from planner.fit.problem import FitProblem
 from planner.kinematics.chain import ForwardPass
 from planner.model.row_basis import posterior_basis
 from planner.tracing.dictionary import EffectDictionary, WhitenedDictionary, whiten

@@ -14,7 +14,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, transform_move
-from planner.identification.problem import FitProblem
+from planner.fit.problem import FitProblem
 from planner.kinematics.chain import ForwardPass
 from planner.model.model import chunks
 

@@ -14,8 +14,8 @@ from scipy.special import fdtrc
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.effect import Effect
-from planner.identification.least_squares import Fit, subset_size
-from planner.identification.problem import FitProblem
+from planner.fit.least_squares import Fit, subset_size
+from planner.fit.problem import FitProblem
 from planner.model.model import Model
 from planner.tracing.column_space import ColumnSpace, products_of_items, squares_before
 from planner.tracing.dictionary import EffectAtValue, EffectDictionary, WhitenedDictionary, whiten

@@ -13,8 +13,8 @@ from planner.effects.catalogue import Excitation
 from planner.effects.effect import Effect, Role
 from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
 from planner.effects.steps import steppables
-from planner.identification.assumptions import LARGEST_HELD_OUT
-from planner.identification.stages import FitContext
+from planner.fit.assumptions import LARGEST_HELD_OUT
+from planner.inference.stages import FitContext
 from planner.model.finding import RejectedEffect
 from planner.tracing.assumptions import (
     COMPLIANCE_EVIDENCE,

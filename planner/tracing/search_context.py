@@ -11,7 +11,7 @@ from planner.common.system import give_back_memory
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import SLIP, Steppable
-from planner.identification.stages import FitContext
+from planner.inference.stages import FitContext
 from planner.tracing.assumptions import RETRY_RATIO
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.effect_scores import EffectScore, ScoreTest

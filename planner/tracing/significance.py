@@ -10,10 +10,10 @@ from planner.common.units import Array
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Role, implausible_text
 from planner.effects.steps import SLIP
-from planner.identification.covariance import correlation_time
-from planner.identification.cross_validation import predict_held_out, predict_held_out_without
-from planner.identification.problem import LinearPiece
-from planner.identification.stages import FitContext, comparison_weight, error_reduction
+from planner.fit.covariance import correlation_time
+from planner.fit.cross_validation import predict_held_out, predict_held_out_without
+from planner.fit.problem import LinearPiece
+from planner.inference.stages import FitContext, comparison_weight, error_reduction
 from planner.model.identification_document import Metrics
 from planner.tracing.assumptions import DETERMINED_VARIANCE
 from planner.tracing.effect_scores import log_exceedance

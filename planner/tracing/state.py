@@ -14,11 +14,11 @@ from planner.effects.basis import Times
 from planner.effects.compliance import LINK_MASSES, WeightTorque
 from planner.effects.effect import Effect, Parameter, ParameterMove, Role
 from planner.effects.sizes import LINK_MASS
-from planner.identification.assumptions import ROUGHLY_CONVERGED_SIGMAS
-from planner.identification.least_squares import Fit, solve, subset_size
-from planner.identification.problem import FitProblem, LinearPiece
-from planner.identification.stages import FitContext, FittedStage
-from planner.identification.wild_rows import wild_cost
+from planner.fit.assumptions import ROUGHLY_CONVERGED_SIGMAS
+from planner.fit.least_squares import Fit, solve, subset_size
+from planner.fit.problem import FitProblem, LinearPiece
+from planner.fit.wild_rows import wild_cost
+from planner.inference.stages import FitContext, FittedStage
 from planner.model.identification_document import Stage
 from planner.model.model import Model
 from planner.tracing.dictionary import whitened_columns

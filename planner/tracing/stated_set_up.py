@@ -11,8 +11,8 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.effects.effect import Effect, Parameter, Role
-from planner.identification.covariance import consider_covariance
-from planner.identification.least_squares import Fit
+from planner.fit.covariance import consider_covariance
+from planner.fit.least_squares import Fit
 from planner.model.model import Model
 from planner.tracing.state import FittedEffect, SearchState
 

@@ -15,9 +15,8 @@ from planner.effects.catalogue import catalogue
 from planner.effects.effect import Effect, Role
 from planner.effects.sessions import SESSION_STEP
 from planner.effects.steps import SLIP, STEP, Steppable
-from planner.identification.calibration import TracingResult
-from planner.identification.contenders import Contender, Contest, contenders_of_same_law
-from planner.identification.stages import FitContext, FittedStage
+from planner.inference.candidates import Contender, Contest, TracingResult, contenders_of_same_law
+from planner.inference.stages import FitContext, FittedStage
 from planner.model.finding import Finding, InnerNumber, log10_p, p_value
 from planner.model.finding_groups import unit_of_change
 from planner.model.identification_document import DetectionLimit

@@ -21,8 +21,8 @@ from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
 from planner.common.units import MM
-from planner.identification.baseline import Baseline
-from planner.identification.run_setup import drop_unreadable
+from planner.documents.baseline import Baseline
+from planner.fit.run_setup import drop_unreadable
 from planner.motion.planning_packages import require_planning_packages
 from planner.runs.loader import load_runs
 from planner.runs.run import Run

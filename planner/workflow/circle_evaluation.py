@@ -17,7 +17,7 @@ from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
 from planner.common.units import DEG, UM
-from planner.identification.run_setup import drop_unreadable
+from planner.fit.run_setup import drop_unreadable
 from planner.loaded.evaluation import evaluate_loaded_circles
 from planner.loaded.joint_fit import JointFit, averaged_run, averages_noise, fit_jointly
 from planner.loaded.results import averaged_curves_csv, compliance_text, loaded_content

@@ -33,10 +33,10 @@ from planner.compensation.program_text import read_program
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
 from planner.compensation.tool_notes import tool_warnings
-from planner.identification.calibrated_robot import CalibratedRobot
-from planner.identification.expected_error import NAME as EXPECTED_ERROR
-from planner.identification.expected_error import ExpectedError
-from planner.identification.zeros_set import set_zeros
+from planner.documents.calibrated_robot import CalibratedRobot
+from planner.documents.expected_error import NAME as EXPECTED_ERROR
+from planner.documents.expected_error import ExpectedError
+from planner.documents.zeros_set import set_zeros
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_hash import former_robot_hash, robot_hash
 from planner.kinematics.robot_reader import list_robots, load_robot

@@ -10,8 +10,8 @@ from planner.common.determinism import on_one_thread
 from planner.common.errors import MissingProgramError
 from planner.common.lazy_modules import pl
 from planner.common.units import Array, to_deg, to_mm
-from planner.identification.calibration import Calibration
-from planner.identification.influence import Influence
+from planner.documents.calibration import Calibration
+from planner.fit.influence import Influence
 
 if TYPE_CHECKING:
     import polars

@@ -7,14 +7,14 @@ import numpy as np
 from planner.common.numbers import number_of
 from planner.common.summary import Aside, Fact, Summary, name_first, under_key
 from planner.common.units import MM, format_value, to_mm
-from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
-from planner.identification.calibration_summary import GEOMETRY, summarize
-from planner.identification.error_parts import drift_counts, misfit_counts
-from planner.identification.own_errors import own_errors_text
+from planner.documents.calibration import Calibration, other_zeros_text, zeros_text
+from planner.documents.calibration_summary import GEOMETRY, summarize
+from planner.documents.gauge_unit_errors import own_errors_text
 from planner.model.calibration_summary import CalibrationSummary, CauseLine
 from planner.model.finding import Finding, percent
 from planner.model.identification_document import ErrorParts, Estimate, Metrics, Release
 from planner.model.use_text import taught_sentence, tolerance_sentence, use_sentence
+from planner.release.error_parts import drift_counts, misfit_counts
 from planner.workflow.calibration_tables import border_unit
 
 NAMED = 3  # rivals, and parameters, that are listed by name

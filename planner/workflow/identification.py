@@ -21,30 +21,30 @@ from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import Summary
 from planner.common.tables import NamedTable, Row, RowTable
 from planner.common.units import from_mm
-from planner.identification.baseline import NAME as BASELINE
-from planner.identification.baseline import baseline_text
-from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
-from planner.identification.calibration import Calibration
-from planner.identification.calibration_summary import summarize
-from planner.identification.expected_error import NAME as EXPECTED_ERROR
-from planner.identification.expected_error import (
+from planner.documents.baseline import NAME as BASELINE
+from planner.documents.baseline import baseline_text
+from planner.documents.calibrated_robot import calibrated_files, calibrated_meshes
+from planner.documents.calibration import Calibration
+from planner.documents.calibration_summary import summarize
+from planner.documents.expected_error import NAME as EXPECTED_ERROR
+from planner.documents.expected_error import (
     ExpectedErrorContent,
     expected_error_content,
     expected_error_csv,
     expected_error_text,
 )
+from planner.documents.residual_table import residuals_csv
+from planner.fit.run_setup import drop_unreadable, number_samples
 from planner.identification.fleet_fit import RobotErrors, misfits_of
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
-from planner.identification.residual_table import residuals_csv
-from planner.identification.run_setup import drop_unreadable, number_samples
-from planner.identification.suitability import judge_use
 from planner.kinematics.robot import Robot
 from planner.model.finding import Finding
 from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Stage
 from planner.model.own_priors import with_priors
 from planner.next_session.more_poses import foresee_more_poses, minutes_a_pose
+from planner.release.suitability import judge_use
 from planner.runs.loader import load_runs
 from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
 from planner.session.document import PlanDocument, read_plan

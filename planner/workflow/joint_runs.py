@@ -10,8 +10,8 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
+from planner.fit.run_setup import drop_unreadable, number_samples
 from planner.identification.joint_sessions import MeasuredSession, join_sessions
-from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.runs.loader import load_runs
 from planner.runs.repeated_rows import refuse_repeated_files
 from planner.runs.run import Run

@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
+from planner.documents.calibration import Calibration
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Role
-from planner.identification.calibration import Calibration
-from planner.identification.contenders import HUNDRED_TO_ONE
+from planner.inference.candidates import HUNDRED_TO_ONE
 
 
 def can_be_told_apart(found: Calibration) -> bool:

@@ -9,7 +9,7 @@ from planner.accuracy.tracker_nests import compare_nest_distances
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
-from planner.identification.posterior_background import background_families
+from planner.inference.posterior_background import background_families
 from planner.runs.run import ReferenceReadings, Samples
 
 NESTS_MM = np.array([[0.0, -300.0, 0.0], [0.0, 300.0, 0.0], [300.0, 120.0, 0.0]])  # as the shipped cell has them

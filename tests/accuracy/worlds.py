@@ -11,7 +11,7 @@ import numpy as np
 import tests.simulation.generator.catalogue as catalogue
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
-from planner.identification.calibrated_robot import calibrated_files
+from planner.documents.calibrated_robot import calibrated_files
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_run
 from tests.identification.few_draws import few_draws

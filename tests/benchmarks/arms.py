@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.reading import load_cell
-from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
-from planner.identification.calibration import Calibration
-from planner.identification.noise import Noise
+from planner.documents.calibrated_robot import CalibratedRobot, calibrated_files
+from planner.documents.calibration import Calibration
+from planner.fit.noise import Noise
 from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.model.tool_error import uniform_states
 from planner.motion.path.constraints import Constraints

@@ -16,12 +16,12 @@ import numpy as np
 
 from planner.cell.reading import load_cell
 from planner.design.candidates.pool import draw_candidates
-from planner.identification.calibrated_robot import calibrated_files
-from planner.identification.least_squares import fit
-from planner.identification.own_errors import own_errors_text
+from planner.documents.calibrated_robot import calibrated_files
+from planner.documents.gauge_unit_errors import own_errors_text
+from planner.fit.least_squares import fit
+from planner.fit.problem import FitProblem
+from planner.fit.run_setup import drop_unreadable, locate_gauge, number_samples, setup_for_run
 from planner.identification.pipeline import FitSettings, identify
-from planner.identification.problem import FitProblem
-from planner.identification.run_setup import drop_unreadable, locate_gauge, number_samples, setup_for_run
 from planner.kinematics.geometry import registration
 from planner.kinematics.robot_reader import load_robot
 from planner.model.model import Model

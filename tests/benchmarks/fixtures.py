@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.reading import load_cell
-from planner.identification.calibrated_robot import calibrated_files
+from planner.documents.calibrated_robot import calibrated_files
 from planner.identification.pipeline import identify
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_runs

@@ -21,10 +21,10 @@ from scipy.optimize import least_squares
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.effects.compliance import compliance_parameters
-from planner.identification.identifiable_parameters import identifiable_subset
-from planner.identification.least_squares import fit
+from planner.fit.identifiable_parameters import identifiable_subset
+from planner.fit.least_squares import fit
+from planner.fit.problem import FitProblem
 from planner.identification.pipeline import identify
-from planner.identification.problem import FitProblem
 from planner.model.model import Model
 from planner.runs.run import Readings, Run, Samples
 

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.reading import load_cell
+from planner.documents.gauge_unit_errors import own_errors_text
 from planner.gauges.vision.sight import BoardSight
-from planner.identification.own_errors import own_errors_text
 from planner.identification.pipeline import FitSettings, identify
 from planner.kinematics.inverse_kinematics import tool_pose
 from planner.runs.loader import load_run

@@ -21,8 +21,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
 import numpy as np
 
 from planner.cell.reading import load_cell
-from planner.identification.calibrated_robot import calibrated_files
-from planner.identification.calibration import Calibration
+from planner.documents.calibrated_robot import calibrated_files
+from planner.documents.calibration import Calibration
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace

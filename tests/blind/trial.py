@@ -8,10 +8,10 @@ from pathlib import Path
 import tests.simulation.generator.catalogue as catalogue
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
-from planner.identification.calibration import Calibration
-from planner.identification.cross_validation import split_run
+from planner.documents.calibration import Calibration
+from planner.fit.cross_validation import split_run
 from planner.identification.pipeline import FitSettings, identify
-from planner.identification.stages import Tracer
+from planner.inference.stages import Tracer
 from planner.runs.loader import load_runs
 from planner.runs.run import Run
 from planner.tracing.trace import trace

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Cell
 from planner.checks.evaluation import build_detector, possible_changes
 from planner.checks.planning import choose_check_poses
-from planner.identification.baseline import Baseline, BaselineFile
-from planner.identification.identifiable_parameters import identifiable_subset
-from planner.identification.problem import FitProblem
-from planner.identification.run_setup import locate_gauge, setup_for_run
+from planner.documents.baseline import Baseline, BaselineFile
+from planner.fit.identifiable_parameters import identifiable_subset
+from planner.fit.problem import FitProblem
+from planner.fit.run_setup import locate_gauge, setup_for_run
 from planner.model.model import Model
 from planner.runs.run import Readings, Run, Samples
 from tests.identification.worlds import World, arm_of, loaded, world

@@ -9,7 +9,7 @@ import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.common.progress import Stages
 from planner.common.units import DEG
-from planner.identification.baseline import Baseline
+from planner.documents.baseline import Baseline
 from planner.runs.loader import load_runs
 from planner.runs.run import Readings, Run, Samples
 from planner.runs.writer import save_run

@@ -10,7 +10,7 @@ from planner.checks.evaluation import evaluate_check
 from planner.checks.results import CheckForecast, verdict_content, verdict_overview
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM
-from planner.identification.baseline import Baseline
+from planner.documents.baseline import Baseline
 from planner.report.check_report import report_check
 from tests.checks.fleet import NAME, fleet, tracker_fleet
 from tests.identification.worlds import arm_of

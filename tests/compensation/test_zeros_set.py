@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from planner.common.files import data_folder
-from planner.identification.expected_error import ExpectedError
-from planner.identification.zeros_set import set_zeros
+from planner.documents.expected_error import ExpectedError
+from planner.documents.zeros_set import set_zeros
 from planner.kinematics.robot import elementary_placement
 from planner.kinematics.robot_reader import load_robot
 from tests.command import edbb

@@ -7,7 +7,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.identification.calibrated_robot import calibrated_files
+from planner.documents.calibrated_robot import calibrated_files
 from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace

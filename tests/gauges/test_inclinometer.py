@@ -16,8 +16,8 @@ from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.common.schema import read_toml
 from planner.common.units import DEG
+from planner.documents.residual_table import residuals_csv
 from planner.identification.pipeline import identify
-from planner.identification.residual_table import residuals_csv
 from planner.model.model import Model
 from planner.report.calibration_report import report_calibration
 from planner.runs.loader import load_run

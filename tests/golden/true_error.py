@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.identification.calibrated_robot import CalibratedRobot
+from planner.documents.calibrated_robot import CalibratedRobot
 from planner.kinematics.robot_reader import load_robot
 from tests.simulation.generator.arm import Arm, moment_of_weight
 

@@ -4,9 +4,9 @@ from contextlib import contextmanager
 
 import pytest
 
-import planner.identification.misfit as misfit
-import planner.identification.posterior_draws as posterior_draws
-import planner.identification.release as release
+import planner.inference.misfit as misfit
+import planner.inference.posterior_draws as posterior_draws
+import planner.release.releasing as release
 
 
 @contextmanager

@@ -9,8 +9,8 @@ import pytest
 import tests.simulation.generator.catalogue as catalogue
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
-from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
-from planner.identification.covariance import workspace_warning
+from planner.documents.calibrated_robot import CalibratedRobot, calibrated_files
+from planner.fit.covariance import workspace_warning
 from planner.identification.pipeline import identify
 from planner.kinematics.robot_reader import load_robot
 from planner.model.identification_document import Metrics

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from planner.identification.assumptions import DOUBT, NOTICED
-from planner.identification.compromise import (
+from planner.fit.assumptions import DOUBT, NOTICED
+from planner.fit.least_squares import Fit, Solution
+from planner.inference.misfit import Misfit
+from planner.release.compromise import (
     choose_compromise,
     interpolate_fit,
     minimise_expected_error,
     safe_share,
 )
-from planner.identification.least_squares import Fit, Solution
-from planner.identification.misfit import Misfit
-from planner.identification.released_robot import ReleasedRobot, ToolMap
+from planner.release.released_robot import ReleasedRobot, ToolMap
 
 NAMES = ("a", "b")
 RISKS = (1.0, 2.0, 4.0)

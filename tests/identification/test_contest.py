@@ -8,8 +8,9 @@ from scipy.stats import multivariate_normal
 
 from planner.effects.catalogue import check_effect_name
 from planner.effects.drift_shapes import IN_TIME
-from planner.identification.acting_together import Together
-from planner.identification.contest import (
+from planner.inference.comparison_columns import Arena, Block
+from planner.inference.joint_inclusion import Together
+from planner.inference.model_comparison import (
     NOTHING,
     OWN_NAME,
     PLAUSIBLE,
@@ -18,8 +19,7 @@ from planner.identification.contest import (
     Bouts,
     average_standing,
 )
-from planner.identification.contest_arena import Arena, Block
-from planner.identification.posterior_background import OF_BACKGROUND, UNNAMED, cause_of_family
+from planner.inference.posterior_background import OF_BACKGROUND, UNNAMED, cause_of_family
 from planner.model.linear_gaussian import LinearGaussian
 
 M = 80

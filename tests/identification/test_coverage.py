@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.identification.identifiable_parameters import identifiable_subset
+from planner.fit.identifiable_parameters import identifiable_subset
 from planner.model.model import Model
 from tests.identification.worlds import Trials, covered, declared, trials, world
 from tests.simulation.generator.truth import draw_errors

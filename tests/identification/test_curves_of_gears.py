@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from planner.effects.nonparametric import gear_curve
-from planner.identification import misfit, release
-from planner.identification.cross_validation import Split, split_run
-from planner.identification.identifiable_parameters import parameters_of_groups
-from planner.identification.posterior_background import EffectFamily, curve_groups, without_rivals_of
-from planner.identification.posterior_fit import draw_posterior
-from planner.identification.stages import FitContext
+from planner.fit.cross_validation import Split, split_run
+from planner.fit.identifiable_parameters import parameters_of_groups
+from planner.inference import misfit
+from planner.inference.posterior_background import EffectFamily, curve_groups, without_rivals_of
+from planner.inference.posterior_fit import draw_posterior
+from planner.inference.stages import FitContext
+from planner.release import releasing
 from planner.tracing.state import FittedEffect
 from tests.tracing.worlds import calibrated, effect
 
@@ -45,7 +46,7 @@ def test_samples_that_were_not_seen_decide_beyond_chance(mine, noise, better):
     other[GROUP == 3] *= 1 + noise
     plain = plain.copy()
     plain[GROUP == 4] *= 1 + 1.2 * noise
-    assert release.predicts_better(other, plain, SPLIT) is better
+    assert releasing.predicts_better(other, plain, SPLIT) is better
 
 
 class RegionsPredictedError(Exception):
@@ -73,13 +74,13 @@ def test_regions_held_out_are_predicted_by_the_families_of_the_posterior(taken, 
         misfit.predict_regions(*args)
         raise RegionsPredictedError
 
-    for room in (release, misfit):
+    for room in (releasing, misfit):
         monkeypatch.setattr(room, "draw_posterior", draw)
-    monkeypatch.setattr(release, "predict_regions", predict)
-    monkeypatch.setattr(release, "DENSE_READINGS", 0)
-    monkeypatch.setattr(release, "predicts_better", lambda *_: taken)
+    monkeypatch.setattr(releasing, "predict_regions", predict)
+    monkeypatch.setattr(releasing, "DENSE_READINGS", 0)
+    monkeypatch.setattr(releasing, "predicts_better", lambda *_: taken)
     with pytest.raises(RegionsPredictedError):
-        release.release_robot((geometry, last), geometry.fit.model, bench, None, 1.0, False)
+        releasing.release_robot((geometry, last), geometry.fit.model, bench, None, 1.0, False)
     *tried, posterior = names[:3]
     assert posterior == tried[taken] != tried[not taken]
     assert any(curve.name in n for n in posterior) is taken

@@ -17,7 +17,7 @@ from planner.design.candidates.balls import draw_ball_candidates
 from planner.design.observability.information import predict_covariance
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.d_optimal import detmax
-from planner.identification.least_squares import solve
+from planner.fit.least_squares import solve
 from planner.identification.pipeline import FitSettings, identify
 from planner.model.model import Model
 from planner.report.calibration_text import declared_effects_text

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from planner.common.errors import NoSolutionError
-from planner.identification.least_squares import solve
+from planner.fit.least_squares import solve
 
 PRIOR = np.array([2.0, 50.0])
 

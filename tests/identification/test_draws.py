@@ -10,17 +10,17 @@ from scipy.linalg import cholesky
 from scipy.special import betaln
 from scipy.stats import multivariate_normal
 
-import planner.identification.posterior_draws as draws
-import planner.identification.posterior_fit as mixture_room
+import planner.inference.posterior_draws as draws
+import planner.inference.posterior_fit as mixture_room
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.effects.catalogue import Excitation
 from planner.effects.gauge_shapes import GAUGE_HANGING, GAUGE_SHAPE, BarShape, gauge_shapes
-from planner.identification.assumptions import EXPECTED_CAUSES, PREVALENCE
-from planner.identification.family_gains import FamilyGains, padded_width
-from planner.identification.posterior_background import OF_BACKGROUND, background_families
-from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
-from planner.identification.size_mixture import SizeMixture
+from planner.fit.assumptions import EXPECTED_CAUSES, PREVALENCE
+from planner.inference.family_gains import FamilyGains, padded_width
+from planner.inference.posterior_background import OF_BACKGROUND, background_families
+from planner.inference.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
+from planner.inference.size_mixture import SizeMixture
 from planner.model.model import Model
 from planner.runs.run import Samples
 from tests.independent_arms.runs import CELLS, bar_poses

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.identification.error_history import error_history
+from planner.release.error_history import error_history
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.history_charts import history_charts
 from planner.workflow.identification import identify

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.identification.error_history import error_history
-from planner.identification.noise import Noise, Whitener, estimate_noise, least_noise
+from planner.fit.noise import Noise, Whitener, estimate_noise, least_noise
 from planner.identification.pipeline import FitSettings, identify
+from planner.release.error_history import error_history
 from tests.identification.few_draws import few_draws
 from tests.identification.worlds import loaded
 from tests.simulation.generator.arm import Arm

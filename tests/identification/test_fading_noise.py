@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from planner.identification.fading_noise import correlate, fading_of_residual, window_sums, window_time
+from planner.fit.fading_noise import correlate, fading_of_residual, window_sums, window_time
 
 SAMPLES, COLUMNS = 1500, 25
 

@@ -11,8 +11,8 @@ from scipy.stats import multivariate_normal
 
 from planner import frame_of_run, identify, identify_many, run_of_frame, simulate, simulate_many
 from planner.common.errors import InputError, MissingProgramError
-from planner.identification.influence import Influence, _Linear
-from planner.identification.least_squares import solve
+from planner.fit.influence import Influence, _Linear
+from planner.fit.least_squares import solve
 from planner.workflow.plan_results import PosesResult
 from tests.simulation.made import cell_in, wide_plan
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import planner.identification.least_squares as least_squares
-from planner.identification.least_squares import solve
+import planner.fit.least_squares as least_squares
+from planner.fit.least_squares import solve
 from tests.identification.worlds import world
 from tests.simulation.generator.truth import Noise, draw_errors
 

@@ -15,7 +15,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
 from planner.common.summary import Aside
 from planner.common.units import DEG, MM
-from planner.identification.gross_errors import DeclaredGeometry, _solve, _weigh_factor
+from planner.fit.gross_errors import DeclaredGeometry, _solve, _weigh_factor
 from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_run
 from tests.simulation.generator import runs

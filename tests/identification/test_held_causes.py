@@ -9,12 +9,11 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.effects.catalogue import check_effect_name
-from planner.identification.calibration import TracingResult
-from planner.identification.causes import name_causes
-from planner.identification.contenders import Contender, Contest
-from planner.identification.held_causes import HeldFamily, _HeldSize
 from planner.identification.pipeline import identify
+from planner.inference.candidates import Contender, Contest, TracingResult
 from planner.model.finding import Finding
+from planner.release.causes import name_causes
+from planner.release.posterior_causes import HeldFamily, _HeldSize
 from planner.runs.loader import load_run
 from tests.identification.few_draws import few_draws
 from tests.tracing.worlds import effect, run

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.identification.cross_validation import Split, predict_held_out, predict_held_out_without, split_run
-from planner.identification.least_squares import fit, solve
+from planner.fit.cross_validation import Split, predict_held_out, predict_held_out_without, split_run
+from planner.fit.least_squares import fit, solve
+from planner.fit.problem import FitProblem
 from planner.identification.pipeline import FitSettings, identify
-from planner.identification.problem import FitProblem
-from planner.identification.stages import error_reduction
+from planner.inference.stages import error_reduction
 from planner.runs.run import Readings, Run, Samples
 from tests.identification.worlds import arm_of, declared, loaded, world
 from tests.simulation.generator.runs import balls, edbb_continuous, edbb_static, tracker

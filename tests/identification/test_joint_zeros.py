@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.identification.calibration import find_joint_zeros, find_other_zeros, joint_zeros_text
+from planner.documents.calibration import find_joint_zeros, find_other_zeros, joint_zeros_text
 from planner.identification.pipeline import FitSettings, identify
 from planner.kinematics.robot_reader import load_robot
 from planner.model.identification_document import Estimate

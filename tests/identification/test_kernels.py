@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
-from planner.identification.size_mixture import SizeMixture
+from planner.inference.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
+from planner.inference.size_mixture import SizeMixture
 
 SLAB = SizePrior(np.array([0.0, 0.3, 1.0, 3.0]), np.array([0.7, 0.1, 0.1, 0.1]), pool=1)
 

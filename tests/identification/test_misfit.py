@@ -11,28 +11,28 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
+from planner.documents.expected_error import expected_error_content
 from planner.effects.catalogue import Excitation
 from planner.effects.compliance import LoadMoment
 from planner.effects.context import Context
 from planner.effects.misfit_shapes import GravityHarmonic, misfit_shapes
 from planner.effects.phi_keys import columns_of
 from planner.effects.sizes import PART_TURN
-from planner.identification.assumptions import USUAL_NOISE_SHARE
-from planner.identification.contenders import Contender, Rival, Standing
-from planner.identification.expected_error import expected_error_content
-from planner.identification.least_squares import Fit, Solution
-from planner.identification.misfit import (
+from planner.fit.assumptions import USUAL_NOISE_SHARE
+from planner.fit.least_squares import Fit, Solution
+from planner.fit.problem import FitProblem
+from planner.fit.run_setup import locate_gauge, number_samples, setup_for_run
+from planner.inference.candidates import Contender, Rival, Standing
+from planner.inference.misfit import (
     HeldOutReadings,
     Misfit,
     RepeatedReadings,
     draw_misfit,
     no_rest_probability,
 )
-from planner.identification.nameless_rivals import with_nameless_rivals
-from planner.identification.problem import FitProblem
-from planner.identification.run_setup import locate_gauge, number_samples, setup_for_run
 from planner.model.identification_document import Identification
 from planner.model.model import Model
+from planner.release.nameless_rivals import with_nameless_rivals
 from planner.runs.run import Samples
 from planner.tracing.trace import trace
 from planner.workflow.identification import load_any

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from planner.common.units import DEG
-from planner.identification.error_parts import acts_like, largest_misfit, open_misfit
-from planner.identification.misfit import Misfit
-from planner.identification.released_robot import ToolMap
+from planner.inference.misfit import Misfit
 from planner.model.identification_document import ErrorParts
 from planner.model.misfit_place import MisfitPlace
+from planner.release.error_parts import acts_like, largest_misfit, open_misfit
+from planner.release.released_robot import ToolMap
 from planner.workflow.fit_overview import _misfit_facts, _part_facts
 
 Q = np.random.default_rng(0).uniform(-2.0, 2.0, (2000, 6))

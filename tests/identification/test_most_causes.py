@@ -5,8 +5,8 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.identification.pipeline import FitSettings, identify
-from planner.identification.posterior_background import has_name
-from planner.identification.posterior_draws import ChainLimits, RandomEffects, SizeDraw, SizePrior, draw_sizes
+from planner.inference.posterior_background import has_name
+from planner.inference.posterior_draws import ChainLimits, RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
 from tests.identification.few_draws import few_draws

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from planner.identification import least_squares
-from planner.identification.posterior_background import background_families
-from planner.identification.posterior_fit import draw_posterior
+from planner.fit import least_squares
+from planner.inference.posterior_background import background_families
+from planner.inference.posterior_fit import draw_posterior
 from tests.identification.worlds import covered, trials, world
 from tests.simulation.generator.truth import Noise, draw_errors
 

@@ -12,11 +12,11 @@ from planner.effects.backlash import Hysteresis
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Parameter, transform_move
 from planner.effects.nonparametric import gear_curve
-from planner.identification.better_explanations import explain_better
-from planner.identification.cross_validation import validate_fit
-from planner.identification.least_squares import fit
-from planner.identification.problem import FitProblem
-from planner.identification.run_setup import add_motion, directions_by_row, number_samples, setup_for_run
+from planner.fit.better_explanations import explain_better
+from planner.fit.cross_validation import validate_fit
+from planner.fit.least_squares import fit
+from planner.fit.problem import FitProblem
+from planner.fit.run_setup import add_motion, directions_by_row, number_samples, setup_for_run
 from planner.kinematics.robot_reader import load_robot
 from planner.motion.collision.engines import pin_model
 from planner.runs.joint_motion import looks_continuous

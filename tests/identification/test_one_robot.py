@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.identification.calibrated_robot import CalibratedRobot
-from planner.identification.calibration import joint_zeros_text
+from planner.documents.calibrated_robot import CalibratedRobot
+from planner.documents.calibration import joint_zeros_text
 from planner.identification.pipeline import FitSettings, identify
 from planner.kinematics.robot_reader import load_robot
 from planner.model.identification_document import Identification

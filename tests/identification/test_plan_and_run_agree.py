@@ -7,8 +7,8 @@ import numpy as np
 from planner.cell.reading import load_cell
 from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import identify_candidates
-from planner.identification.identifiable_parameters import choose_parameters
-from planner.identification.run_setup import setup_for_run
+from planner.fit.identifiable_parameters import choose_parameters
+from planner.fit.run_setup import setup_for_run
 from planner.simulation.simulated_run import simulate_run
 from planner.simulation.truth import draw_truth
 

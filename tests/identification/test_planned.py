@@ -11,10 +11,10 @@ from planner.design.candidates.pool import Funnel, PoseSet
 from planner.design.observability.information import predict_covariance
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.index_search import exchange_poses
-from planner.identification.identifiable_parameters import identifiable_subset
-from planner.identification.least_squares import fit
-from planner.identification.problem import FitProblem
-from planner.identification.run_setup import locate_gauge, setup_for_run
+from planner.fit.identifiable_parameters import identifiable_subset
+from planner.fit.least_squares import fit
+from planner.fit.problem import FitProblem
+from planner.fit.run_setup import locate_gauge, setup_for_run
 from planner.model.model import Model
 from planner.runs.run import Readings, Run, Samples
 from tests.identification.worlds import World, arm_of

@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import planner.identification.compromise as compromise
+import planner.release.compromise as compromise
 import tests.simulation.generator.catalogue as catalogue
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
-from planner.gauges.frame_gauge import ToolPosition
-from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
-from planner.identification.expected_error import NAME as NAME_OF_FILE
-from planner.identification.expected_error import (
+from planner.documents.calibrated_robot import CalibratedRobot, calibrated_files
+from planner.documents.expected_error import NAME as NAME_OF_FILE
+from planner.documents.expected_error import (
     ExpectedError,
     expected_error_content,
     expected_error_csv,
     expected_error_text,
 )
-from planner.identification.misfit import Misfit
+from planner.gauges.frame_gauge import ToolPosition
 from planner.identification.pipeline import FitSettings, identify
+from planner.inference.misfit import Misfit
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_runs
 from planner.runs.run import Samples

@@ -15,8 +15,8 @@ import docs.drawing.real_runs as real_runs
 from planner.cell.placement import Targets
 from planner.cell.reading import load_cell
 from planner.common.units import MM
-from planner.identification.calibration import Calibration
-from planner.identification.cross_validation import split_run
+from planner.documents.calibration import Calibration
+from planner.fit.cross_validation import split_run
 from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_run, load_runs
 from planner.runs.run import Run

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from planner.identification.assumptions import EXPECTED_CAUSES, PREVALENCE
-from planner.identification.contest_arena import LearntOdds
-from planner.identification.posterior_draws import SizePrior
-from planner.identification.posterior_fit import COMMON, RARE, UNNAMED
+from planner.fit.assumptions import EXPECTED_CAUSES, PREVALENCE
+from planner.inference.comparison_columns import LearntOdds
+from planner.inference.posterior_draws import SizePrior
+from planner.inference.posterior_fit import COMMON, RARE, UNNAMED
 
 POOLS = (RARE, COMMON, UNNAMED)
 

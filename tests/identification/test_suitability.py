@@ -7,10 +7,10 @@ import pytest
 
 from planner.common.files import data_folder
 from planner.common.units import MM
-from planner.identification.suitability import judge_shares, judge_use, target_errors
 from planner.kinematics.robot_reader import load_robot
 from planner.model.use_statement import Use
 from planner.model.use_text import bound_text, share_text, taught_sentence, tolerance_sentence, use_rows, use_sentence
+from planner.release.suitability import judge_shares, judge_use, target_errors
 from tests.identification.test_posterior import judged_targets
 
 ARMS = range(4)

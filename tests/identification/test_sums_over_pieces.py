@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.identification.covariance import _scores
-from planner.identification.cross_validation import Split, _grams
-from planner.identification.problem import LinearPiece
+from planner.fit.covariance import _scores
+from planner.fit.cross_validation import Split, _grams
+from planner.fit.problem import LinearPiece
 from planner.model.columns import Columns
 
 WHOLE = np.random.default_rng(0).normal(size=(4, 2, 50))  # columns and residual, two numbers a sample

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
+from planner.fit.noise import Noise
+from planner.fit.run_setup import check_pull, locate_gauge, setup_for_run
 from planner.identification.assessment import few_readings_note
-from planner.identification.noise import Noise
-from planner.identification.run_setup import check_pull, locate_gauge, setup_for_run
 from planner.identification.run_warnings import collect_warnings
 from planner.runs.run import Readings, Run, Samples
 

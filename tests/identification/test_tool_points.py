@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.identification.expected_error import ExpectedError
+from planner.documents.expected_error import ExpectedError
 from planner.kinematics.robot_reader import load_robot
 from tests.command import edbb
 from tests.compensation.robots import bent, exact, pin_flange

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.identification.even_sizes import spread_evenly
-from planner.identification.posterior_draws import RandomEffects, SizeDraw, draw_sizes
-from planner.identification.posterior_fit import usual_sizes
+from planner.inference.even_sizes import spread_evenly
+from planner.inference.posterior_draws import RandomEffects, SizeDraw, draw_sizes
+from planner.inference.posterior_fit import usual_sizes
 from planner.model.identification_document import UnseenError
 from planner.tracing.trace import trace
 from planner.workflow.identification import identify

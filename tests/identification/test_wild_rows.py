@@ -7,13 +7,13 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from planner.identification.assumptions import WILD_PROBABILITY, WILD_SCALES
-from planner.identification.covariance import parameter_covariance
-from planner.identification.least_squares import Fit, fit
-from planner.identification.misfit import RepeatedReadings
-from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior
-from planner.identification.problem import FitProblem
-from planner.identification.wild_rows import expected_weights, row_weights, validation_weights, wild_cost
+from planner.fit.assumptions import WILD_PROBABILITY, WILD_SCALES
+from planner.fit.covariance import parameter_covariance
+from planner.fit.least_squares import Fit, fit
+from planner.fit.problem import FitProblem
+from planner.fit.wild_rows import expected_weights, row_weights, validation_weights, wild_cost
+from planner.inference.misfit import RepeatedReadings
+from planner.inference.posterior_draws import RandomEffects, SizeDraw, SizePrior
 from planner.runs.run import Run
 from tests.identification.worlds import declared, world
 from tests.simulation.generator.truth import draw_errors

@@ -14,11 +14,11 @@ from scipy import stats
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
-from planner.identification.covariance import parameter_covariance
-from planner.identification.identifiable_parameters import identifiable_subset
-from planner.identification.least_squares import Fit, fit
-from planner.identification.problem import FitProblem
-from planner.identification.run_setup import locate_gauge, setup_for_run
+from planner.fit.covariance import parameter_covariance
+from planner.fit.identifiable_parameters import identifiable_subset
+from planner.fit.least_squares import Fit, fit
+from planner.fit.problem import FitProblem
+from planner.fit.run_setup import locate_gauge, setup_for_run
 from planner.model.model import Model
 from planner.runs.loader import load_run
 from planner.runs.run import Readings, Run

@@ -7,7 +7,7 @@ import numpy as np
 
 import tests.loaded.world as world
 from planner.cell.reading import load_cell
-from planner.identification.run_setup import setup_for_run
+from planner.fit.run_setup import setup_for_run
 from planner.loaded.evaluation import evaluate_loaded_circles
 from planner.runs.run import Readings, Run, Samples
 

@@ -10,7 +10,7 @@ import numpy as np
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.common.files import data_folder
-from planner.identification.calibration import Calibration
+from planner.documents.calibration import Calibration
 from planner.identification.pipeline import identify
 from planner.runs.loader import load_run
 from planner.runs.run import Run

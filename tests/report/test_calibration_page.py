@@ -15,9 +15,9 @@ from matplotlib.image import imread
 import planner.report.matplotlib_backend as matplotlib_backend
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.identification.calibration import Calibration
-from planner.identification.calibration_summary import summarize
-from planner.identification.suitability import judge_use, target_errors
+from planner.documents.calibration import Calibration
+from planner.documents.calibration_summary import summarize
+from planner.release.suitability import judge_use, target_errors
 from planner.report.calibration_charts import draw_calibration_charts, histogram_chart, residual_chart
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
 from planner.report.calibration_report import calibration_content, report_calibration

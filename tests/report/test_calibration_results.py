@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.identification.calibration import Calibration
-from planner.identification.residual_table import residuals_csv
+from planner.documents.calibration import Calibration
+from planner.documents.residual_table import residuals_csv
 from planner.model.identification_document import Identification, error_size
 from tests.report.calibrated import calibrated
 

@@ -13,7 +13,7 @@ import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.common.files import data_folder
 from planner.common.units import display_unit
-from planner.identification.calibration import Calibration
+from planner.documents.calibration import Calibration
 from planner.identification.pipeline import identify
 from planner.model.finding import log10_p, p_value
 from planner.model.finding_groups import list_causes

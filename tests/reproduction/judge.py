@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import tests.simulation.generator.catalogue as catalogue
-from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
+from planner.documents.calibrated_robot import CalibratedRobot, calibrated_files
 from planner.kinematics.robot_reader import load_robot
 from tests.reproduction.instruments import CHOSEN, REGISTERED, VALIDATED, arm, bench
 from tests.reproduction.planned import of_tracker, stops

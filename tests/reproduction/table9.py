@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from planner.identification.calibration import Calibration
+from planner.documents.calibration import Calibration
 from tests.reproduction.instruments import Measured
 from tests.reproduction.judge import Errors
 

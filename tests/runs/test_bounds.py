@@ -9,7 +9,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.identification.run_setup import setup_for_run
+from planner.fit.run_setup import setup_for_run
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_run
 from planner.runs.run import Readings

@@ -8,8 +8,8 @@ import pytest
 
 from planner.effects.catalogue import Excitation
 from planner.effects.steps import steppables
+from planner.fit.run_setup import number_samples
 from planner.identification.pipeline import FitSettings, identify
-from planner.identification.run_setup import number_samples
 from planner.tracing.change_points import best_steps, change_sample, score_steps, step_series
 from planner.tracing.effect_scores import ScoreTest
 from planner.tracing.significance import LOG_SIGNIFICANCE

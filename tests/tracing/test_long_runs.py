@@ -2,8 +2,8 @@
 
 import numpy as np
 
-import planner.identification.stages as stages
-from planner.identification.problem import FitProblem
+import planner.inference.stages as stages
+from planner.fit.problem import FitProblem
 from planner.model.identification_document import Metrics
 from planner.tracing.trace import trace
 from tests.tracing.test_state import begun

@@ -10,11 +10,11 @@ from planner.effects.catalogue import catalogue
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Role
 from planner.effects.sizes import LINK_MASS
-from planner.identification.cross_validation import split_run
-from planner.identification.identifiable_parameters import parameters_of_groups
-from planner.identification.posterior_background import background_families
-from planner.identification.posterior_fit import draw_posterior
-from planner.identification.stages import FitContext
+from planner.fit.cross_validation import split_run
+from planner.fit.identifiable_parameters import parameters_of_groups
+from planner.inference.posterior_background import background_families
+from planner.inference.posterior_fit import draw_posterior
+from planner.inference.stages import FitContext
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.search_context import SearchContext
 from planner.tracing.state import FittedEffect, SearchState, link_mass_uncertainty

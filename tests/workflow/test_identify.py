@@ -13,7 +13,7 @@ from planner.common.content_hashes import with_hashes
 from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.common.summary import SCREEN_LINES
-from planner.identification.baseline import Baseline
+from planner.documents.baseline import Baseline
 from planner.identification.pipeline import FitSettings
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.writer import save_run

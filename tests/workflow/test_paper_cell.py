@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.identification.calibrated_robot import CalibratedRobot
+from planner.documents.calibrated_robot import CalibratedRobot
 from planner.kinematics.robot_reader import load_robot
 from planner.model.tool_error import uniform_states
 from tests.blind.workspace import difference

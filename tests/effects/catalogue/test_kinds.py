@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from planner.effects.catalogue import catalogue
-from planner.identification.identifiable_parameters import identifiable_subset
-from planner.identification.least_squares import fit
-from planner.identification.problem import FitProblem
-from planner.identification.run_setup import locate_gauge, setup_for_run
+from planner.fit.identifiable_parameters import identifiable_subset
+from planner.fit.least_squares import fit
+from planner.fit.problem import FitProblem
+from planner.fit.run_setup import locate_gauge, setup_for_run
 from planner.model.model import Model
 from tests.effects.catalogue.columns import seen
 from tests.effects.catalogue.naming import inner, joint_of, named

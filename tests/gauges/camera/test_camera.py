@@ -12,12 +12,12 @@ from planner.cell.reading import cell_of, load_cell
 from planner.common.errors import InputError
 from planner.common.schema import read_toml, validate
 from planner.design.candidates.pool import draw_candidates
+from planner.documents.baseline import Baseline, BaselineFile, baseline_text
+from planner.documents.gauge_unit_errors import own_errors_text
 from planner.effects.context import Context
+from planner.fit.run_setup import drop_unreadable, number_samples
 from planner.gauges.vision.board_camera import BoardCamera
-from planner.identification.baseline import Baseline, BaselineFile, baseline_text
-from planner.identification.own_errors import own_errors_text
 from planner.identification.pipeline import FitSettings, identify
-from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.model.model import Model
 from planner.runs.loader import join_runs, load_run
 from planner.runs.writer import save_run

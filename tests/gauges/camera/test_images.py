@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from planner.fit.run_setup import drop_unreadable
 from planner.gauges.vision.board import BoardFile
 from planner.gauges.vision.images import CornerSeeker, edge_width
 from planner.identification.pipeline import FitSettings, identify
-from planner.identification.run_setup import drop_unreadable
 from planner.runs.loader import load_run
 from tests.command import edbb
 from tests.gauges.camera.pictures import SMALL_BENT, SMALL_LENS, SMALL_SIZE, picture, printed, sight_lines

@@ -9,9 +9,9 @@ from planner.cell.placement import Targets
 from planner.cell.setup import MeasurementSetup
 from planner.effects.compliance import compliance_parameters
 from planner.effects.effect import Parameter, robot_parameters, transform_move
+from planner.fit.identifiable_parameters import estimate_parameters
+from planner.fit.least_squares import Fit, Solution
 from planner.gauges.tracker import Tracker
-from planner.identification.identifiable_parameters import estimate_parameters
-from planner.identification.least_squares import Fit, Solution
 from planner.kinematics.robot_reader import load_robot
 from planner.model.gauge_frames import GaugeFrames
 from planner.model.model import Model

@@ -11,14 +11,14 @@ import planner.effects.compliance as compliance
 import planner.effects.sessions as sessions
 import tests.identification.calibrated.made as making
 from planner.cell.placement import Targets
-from planner.effects.basis import FUNCTIONS
-from planner.effects.phi_keys import is_static, key_patterns, phi_from_key
-from planner.identification.calibrated_robot import (
+from planner.documents.calibrated_robot import (
     CalibratedRobot,
     calibrated_files,
     calibrated_meshes,
     uncorrected_text,
 )
+from planner.effects.basis import FUNCTIONS
+from planner.effects.phi_keys import is_static, key_patterns, phi_from_key
 from planner.kinematics.robot import RobotEffect
 from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.motion.collision.engines import pin_model

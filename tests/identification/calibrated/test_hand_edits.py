@@ -14,8 +14,8 @@ from planner.cell.reading import load_cell
 from planner.common.content_hashes import HASHES, hand_edits, with_hashes
 from planner.common.errors import InputError
 from planner.compensation.compensated_file import compensate_file
-from planner.identification.baseline import NAME, joint_noise_of
-from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files, calibrated_meshes
+from planner.documents.baseline import NAME, joint_noise_of
+from planner.documents.calibrated_robot import CalibratedRobot, calibrated_files, calibrated_meshes
 from planner.kinematics.robot_hash import robot_hash
 from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.report.page import report_overview

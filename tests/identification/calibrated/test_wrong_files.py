@@ -3,7 +3,7 @@
 import pytest
 
 from planner.common.errors import InputError
-from planner.identification.calibrated_robot import CalibratedRobot
+from planner.documents.calibrated_robot import CalibratedRobot
 from planner.kinematics.robot_reader import load_robot
 
 EFFECT = """

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.identification.assumptions import SIGNIFICANCE
-from planner.identification.calibration import Calibration
-from planner.identification.cross_validation import number_targets
-from planner.identification.problem import FitProblem, ProblemCache
+from planner.documents.calibration import Calibration
+from planner.fit.assumptions import SIGNIFICANCE
+from planner.fit.cross_validation import number_targets
+from planner.fit.problem import FitProblem, ProblemCache
 from planner.identification.residual_tests import (
     MEASURING_ORDER,
     ProjectedResidual,

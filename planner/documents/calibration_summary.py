@@ -1,0 +1,178 @@
+"""Makes the summary of a calibration: the one source of what screen, page and document say first."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from planner.common.units import display_unit, format_value, to_mm
+from planner.documents.calibration import Calibration
+from planner.fit.assumptions import ANOTHER_TOOL_SHARE
+from planner.model.calibration_summary import CalibrationSummary, CauseLine, NextStep
+from planner.model.finding import Finding, cause_text, percent
+from planner.model.identification_document import Release
+from planner.model.use_statement import ToolName, ToolUse, Use, UseAnswer
+from planner.model.use_text import TOOLS, bound_text, share_text
+from planner.release.error_parts import drift_counts, misfit_counts
+from planner.release.suitability import judge_use
+
+Step = tuple[float, NextStep]
+"""What a step takes off the error [m], and the step."""
+GEOMETRY = "Lengths and angles of the arm"
+SECOND_POINT = "Measure 20 poses with a second tool point"
+
+
+def summarize(c: Calibration, tool: ToolName | None = None, minutes_a_pose: float | None = None) -> CalibrationSummary:
+    """Return the summary of a calibration.
+
+    Args:
+        c: the calibration.
+        tool: the tool that will be used; by default the one that the cell names as the robot's own, else the measured.
+        minutes_a_pose: how long a pose of the run took, where that is known.
+    """
+    r = None if c.reason_not_to_use else c.release
+    use = None if r is None else _use_of(c)
+    own = use is not None and any(t.tool == "own" for t in use.tools)
+    used: ToolName = (tool if tool != "own" or own else None) or ("own" if own else "measured")
+    answer, headline, because = _verdict(c, use, used)
+    mine = None if use is None else _of_tool(use, used)
+    return CalibrationSummary(
+        answer=answer,
+        headline=headline,
+        because=because,
+        tolerance=None if use is None else use.tolerance,
+        tool=used,
+        targets_within=None if mine is None else mine.targets_within,
+        targets_within_before=None if mine is None else mine.targets_within_before,
+        causes=() if c.reason_not_to_use else tuple(_causes(c))[:3],
+        next_steps=tuple(_next_steps(c, r, used, minutes_a_pose)),
+    )
+
+
+def _use_of(c: Calibration) -> Use | None:
+    """What the robot is good for: as it was judged, else for no tolerance in particular."""
+    if c.good_for is not None or c.released is None:
+        return c.good_for
+    return judge_use(c.released, c.setup.robot.repeatability, None, c.setup.robot.repeatability_assumed)
+
+
+def _of_tool(use: Use, tool: ToolName) -> ToolUse:
+    return next(t for t in use.tools if t.tool == tool)
+
+
+def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[UseAnswer, str, str]:
+    """Return answer, headline and the sentence below it."""
+    if c.reason_not_to_use:
+        return "no", "Do not use this calibration", f"{_capital(c.reason_not_to_use)}."
+    if use is None:
+        return "not known", "Not known what this robot is good for", "The error over the workspace was not estimated."
+    mine = _of_tool(use, tool)
+    others = [t for t in use.tools if t.tool != tool]
+    beside = "; ".join(f"{bound_text(t.targets_within)} with {TOOLS[t.tool]}" for t in others)
+    if use.tolerance is None or mine.answer is None:
+        why = "No tolerance is stated: --tolerance-mm or [use] tolerance_mm gives yes or no."
+        headline = f"Good for offline programs that allow {bound_text(mine.targets_within)}"
+        return "not known", headline, f"{why} It is {beside}."
+    limit = f"{float(to_mm(use.tolerance)):g} mm"
+    words = {"yes": "Good enough", "no": "Not good enough", "not known": "Not known whether it is good enough"}
+    before = share_text(mine.share_before)
+    share = f"{share_text(mine.share)} of targets are within {limit} with {TOOLS[tool]}, {before} before"
+    return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}. It is {beside}."
+
+
+def _causes(c: Calibration) -> Iterator[CauseLine]:
+    """Return why the robot erred: its geometry where that counts, then what tracing found."""
+    r = c.release
+    if r is not None and (fell := r.nominal_anywhere**2 - r.geometry_anywhere**2) > 0:
+        moved = [e for e in c.estimates if e.identifiable and e.group == "geometry" and e.std]
+        first = max(moved, key=lambda e: abs(e.value - e.nominal) / (e.std or 1.0), default=None)
+        most = "" if first is None else f", {first.name} most"
+        yield CauseLine(what=f"{GEOMETRY}{most}", size=_mm(np.sqrt(fell)), how_sure="found")
+    if c.tried is None:
+        return
+    for cause in [f for f in c.findings if not f.is_doubtful] or c.findings[:1]:
+        yield CauseLine(what=_cause_name(cause), size=_size(cause), how_sure=_how_sure(cause))
+
+
+def _cause_name(cause: Finding) -> str:
+    return _capital(f"{cause_text(cause.effect)}, {cause.on}" if cause.effect != "unnamed" else cause_text(cause.name))
+
+
+def _size(cause: Finding) -> str:
+    unit, factor = display_unit(cause.unit, cause.value)
+    if cause.members:
+        sizes = [abs(f.value) * factor for f in cause.members]
+        return f"{min(sizes):.3g} to {max(sizes):.3g} {unit}"
+    return format_value(abs(cause.value), cause.std, unit, factor)
+
+
+def _how_sure(cause: Finding) -> str:
+    sure = cause.grade if cause.probability is None else f"{cause.grade}, {percent(cause.probability)}"
+    others = len(cause.rivals)
+    return sure + (f", or {others} other{'s' if others > 1 else ''}" if others else "")
+
+
+def _next_steps(c: Calibration, r: Release | None, tool: ToolName, pace: float | None) -> list[NextStep]:
+    """Return the two steps that bring most, or what to do with a robot that is good enough."""
+    if c.reason_not_to_use or r is None:
+        return [NextStep(what="Correct what is said above and measure again", brings="")]
+    used = {"measured": c.workspace_error, "another": r.other_tool}.get(tool)
+    if used is None:
+        used = c.workspace_error if r.work_tool is None else r.work_tool.anywhere
+    steps = sorted(_steps(c, r, used, pace), key=lambda s: -s[0])
+    # 0.03: part of the error that a step must take off to be named: less nobody notices
+    best = [step for gain, step in steps if gain > 0.03 * used]
+    if tool == "measured" and r.other_tool**2 - used**2 >= ANOTHER_TOOL_SHARE * r.other_tool**2:
+        brings = f"any other tool {_span(r.other_tool, used, None)} at best"
+        best.insert(1, NextStep(what=SECOND_POINT, brings=brings))
+    correct = NextStep(what="Correct your programs: edbb compensate", brings="")
+    enough = c.good_for is not None and any(t.tool == tool and t.answer == "yes" for t in c.good_for.tools)
+    return ([correct, *best] if enough else [*best, correct])[:2]
+
+
+def _steps(c: Calibration, r: Release, used: float, pace: float | None) -> Iterator[Step]:
+    """Return what would make the error smaller, each with how much it takes off ``used`` [m]."""
+    here, parts = c.workspace_error, r.parts
+    if used**2 - here**2 >= ANOTHER_TOOL_SHARE * used**2:
+        yield used - here, NextStep(what=SECOND_POINT, brings=_brings(20, pace, used, here, " at best"))
+        return
+    if c.more is not None:
+        more = f"Measure {c.more.poses} more poses: edbb plan --after"
+        left = np.sqrt(max(used**2 - here**2, 0.0) + c.more.anywhere**2)
+        yield used - left, NextStep(what=more, brings=_span(used, left, c.more.minutes))
+    if parts is None:
+        return
+    left = np.sqrt(max(used**2 - parts.unseen**2, 0.0))
+    one_cup = c.run.readings.length is not None and len(c.run.places) == 1
+    if one_cup and parts.unseen > max(parts.seen, parts.misfit):
+        cup = "Measure from a second cup: edbb plan --fixtures 2"
+        yield used - left, NextStep(what=cup, brings=_brings(c.n_groups, pace, used, left, " at best"))
+    elif parts.unseen > max(parts.seen, parts.misfit):
+        wider = "Measure poses in parts of the workspace that the run leaves out"
+        yield used - left, NextStep(what=wider, brings=_brings(20, pace, used, left, " at best"))
+    if drift_counts(parts):
+        left = np.sqrt(max(used**2 - parts.drift**2, 0.0))
+        warm = "Measure once the arm is warm, or log temperature_degC"
+        yield used - left, NextStep(what=warm, brings=f"{_span(used, left, None)} at best")
+    if misfit_counts(parts) and (place := r.misfit_place) is not None:
+        left = np.sqrt(max(used**2 - parts.misfit**2, 0.0))
+        where = f"with {', '.join(x.text for x in place.ranges)}" if place.ranges else "twice each ([plan] repeat)"
+        yield used - left, NextStep(what=f"Measure 20 poses {where}", brings=_brings(20, pace, used, left, " at best"))
+
+
+def _brings(poses: int, pace: float | None, before: float, after: float, how: str) -> str:
+    return _span(before, after, None if pace is None else poses * pace) + how
+
+
+def _span(before: float, after: float, minutes: float | None) -> str:
+    """``8 min, 0.25 → 0.21 mm``; errors are rms over the workspace."""
+    time = "" if minutes is None else f"about {max(minutes, 1.0):.0f} min, "
+    return f"{time}{_mm(before).removesuffix(' mm')} → {_mm(after)} rms"
+
+
+def _mm(value: float) -> str:
+    mm = float(to_mm(value))
+    return f"{mm:.2f} mm" if mm >= 0.1 else f"{mm:.3f} mm"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
