@@ -1,7 +1,7 @@
 """What has changed, by probability: all that may have is weighed as an identification weighs the causes of a finding.
 
 A change is a cause whose size is one of a few, over the orders of magnitude, and its values are averaged over (the
-marginal likelihood of ``identification.contest``); so is the noise, which the baseline knows as well as its readings
+marginal likelihood of ``identification.comparison``); so is the noise, which the baseline knows as well as its readings
 were many. One reading that is wrong is a cause as well, and so is what has no name: each reading off by itself. That
 something has changed is for the alarm to say (``detection``); the probabilities are of what, if anything has.
 """
@@ -15,7 +15,7 @@ from planner.checks.detection import Detector
 from planner.common.lazy_modules import stats
 from planner.common.units import Array
 from planner.inference.comparison_columns import Block
-from planner.inference.model_comparison import Beside
+from planner.inference.model_comparison import ConditionalProducts
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,6 @@ def weigh_changes(detector: Detector, units: Sequence[Array], difference: Array,
 
 def _log_densities(gram: Array, blocks: Sequence[Block], noise: float, count: int) -> Array:
     """Return the log densities (k,) of ``count`` white readings by each cause, with noise so many times as large."""
-    alone = Beside.of(gram / noise**2, [])
+    alone = ConditionalProducts.of(gram / noise**2, [])
     none = -0.5 * float(alone.gram[-1, -1]) - count * np.log(noise)
     return np.array([none + np.logaddexp.reduce(alone.gains(b)) for b in blocks])

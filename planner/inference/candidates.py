@@ -1,4 +1,4 @@
-"""Who takes part in the contest for what a finding explains, and what comes of it."""
+"""Who takes part in the comparison for what a finding explains, and what comes of it."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ HUNDRED_TO_ONE = 0.01  # probability from which on another cause is a rival
 
 
 @dataclass(frozen=True)
-class Contender:
+class Candidate:
     """A cause that may stand for a finding.
 
     Attributes:
@@ -26,22 +26,22 @@ class Contender:
     handicap: float = 0.0
 
 
-def contenders_of_same_law(effects: Iterable[Effect]) -> tuple[Contender, ...]:
+def candidates_of_same_law(effects: Iterable[Effect]) -> tuple[Candidate, ...]:
     """Return those of the catalogue's effects that are met in the name of another cause, which has their law."""
-    return tuple(Contender(e.family, e.make(), -log(e.odds)) for e in effects if e.has(Role.SAME_LAW))
+    return tuple(Candidate(e.family, e.make(), -log(e.odds)) for e in effects if e.has(Role.SAME_LAW))
 
 
 @dataclass(frozen=True)
-class Contest:
+class CauseComparison:
     """All findings of one name, and the causes of the catalogue that may stand for them.
 
     ``same_law`` are those that are met in the name of another cause, which has their law; the logarithm of their odds
     over that one is their handicap's negative.
     """
 
-    own: Contender
-    others: tuple[Contender, ...] = ()
-    same_law: tuple[Contender, ...] = ()
+    own: Candidate
+    others: tuple[Candidate, ...] = ()
+    same_law: tuple[Candidate, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class Rival:
 
 
 @dataclass(frozen=True)
-class Standing:
-    """What came of a contest: probability of the finding, and its rivals, the likeliest first."""
+class Inclusion:
+    """What came of a comparison: probability of the finding, and its rivals, the likeliest first."""
 
     probability: float
     rivals: tuple[Rival, ...]
@@ -74,11 +74,11 @@ class TracingResult:
         limits: for every effect that was looked for and not found.
         rejected: what was refitted and not kept.
         tried: number of effects and inner values that were looked at.
-        contests: for what the findings explain, to be decided by the posterior.
+        comparisons: for what the findings explain, to be decided by the posterior.
     """
 
     findings: tuple[Finding, ...] = ()
     limits: tuple[DetectionLimit, ...] = ()
     rejected: tuple[RejectedEffect, ...] = ()
     tried: int | None = None
-    contests: tuple[Contest, ...] = ()
+    comparisons: tuple[CauseComparison, ...] = ()

@@ -1,4 +1,4 @@
-"""All columns that take part in contests for what findings explain, beside what the draws of the posterior hold."""
+"""All columns that take part in comparisons for what findings explain, beside what the draws of the posterior hold."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from planner.effects.catalogue import Background, Excitation, effect_kinds, regi
 from planner.effects.free_laws import beam_laws, free_laws
 from planner.effects.nonparametric import NONPARAMETRIC
 from planner.fit.problem import FitProblem
-from planner.inference.candidates import Contender, Contest
+from planner.inference.candidates import Candidate, CauseComparison
 from planner.inference.posterior_background import cause_of_family
 from planner.inference.posterior_draws import SizeDraw, expected_share
 from planner.inference.posterior_fit import (
@@ -52,14 +52,14 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Arena:
+class ComparisonColumns:
     """All columns that take part, and the readings as the whole run would give them.
 
     Attributes:
         record: of the draws.
         kept: which of the record's columns take part, (k,) int: of what always acts, of what acts in a draw that is
             looked at, and of what has no name.
-        columns: of these and of the contenders behind them, per prior sigma, (m, p).
+        columns: of these and of the candidates behind them, per prior sigma, (m, p).
         y: readings; what the posterior leaves of them is as small as the whole run makes it, (m,).
         worth: readings of the run that each is.
         families: blocks of the families that may be absent and act in a draw that is looked at, by number.
@@ -81,24 +81,24 @@ class Arena:
 
     @classmethod
     def of(
-        cls, posterior: PosteriorFit, contests: Sequence[Contest], worth: float, looked: Sequence[SizeDraw]
-    ) -> "Arena":
+        cls, posterior: PosteriorFit, comparisons: Sequence[CauseComparison], worth: float, looked: Sequence[SizeDraw]
+    ) -> "ComparisonColumns":
         """Lay out the columns.
 
         Args:
             posterior: with its record of the draws.
-            contests: of the findings.
+            comparisons: of the findings.
             worth: readings of the run that each of the record's is, 1 or more.
             looked: draws that are looked at.
         """
         record, odds = posterior.record, LearntOdds.of(posterior.record)
         run = Excitation.of(record.model.setup, record.run.samples)
         laws = [(f"{NONPARAMETRIC}, {name}", own) for name, own in free_laws(run)]
-        beams = [Contender(name, own) for name, own in beam_laws(run)]
-        same_law = {who.name: who for c in contests for who in c.same_law}
-        every = [*(who for c in contests for who in (c.own, *c.others)), *beams, *same_law.values()]
+        beams = [Candidate(name, own) for name, own in beam_laws(run)]
+        same_law = {who.name: who for c in comparisons for who in c.same_law}
+        every = [*(who for c in comparisons for who in (c.own, *c.others)), *beams, *same_law.values()]
         named, often = len(every), Counter(name for name, _ in laws)
-        every += [Contender(name, own, float(np.log(often[name]))) for name, own in laws]
+        every += [Candidate(name, own, float(np.log(often[name]))) for name, own in laws]
         taking = _Taking.of(record, looked)
         first = len(taking.kept)
         ends = first + np.cumsum([0, *(len(who.parameters) for who in every)])
@@ -108,12 +108,12 @@ class Arena:
             for who, chance, a, b in zip(every, chances, ends[:-1], ends[1:], strict=True)
         ]
         own, others = [], []
-        for contest in contests:
-            mine, *rest = blocks[: 1 + len(contest.others)]
-            chance = odds.of_cause(mine.name) - contest.own.handicap
+        for comparison in comparisons:
+            mine, *rest = blocks[: 1 + len(comparison.others)]
+            chance = odds.of_cause(mine.name) - comparison.own.handicap
             own.append(_block(mine.name, mine.columns, chance, OWN, OWN_WEIGHT))
             others.append(tuple(rest))
-            blocks = blocks[1 + len(contest.others) :]
+            blocks = blocks[1 + len(comparison.others) :]
         others, blocks = [(*rest, *blocks[: len(beams)]) for rest in others], blocks[len(beams) :]
         alike = tuple(
             replace(b, factors=np.ones(1), logs=np.array([-who.handicap]))
@@ -153,7 +153,7 @@ def _block(name: str, columns: np.ndarray, odds: float, factors: Array, weight: 
 
 @dataclass(frozen=True)
 class _Taking:
-    """Which of a record's columns take part in contests.
+    """Which of a record's columns take part in comparisons.
 
     Attributes:
         kept: their positions, (k,) int.
@@ -180,9 +180,9 @@ class _Taking:
         return cls(kept, acting, nameless, {f: np.flatnonzero(family == f) for f in (*acting, *nameless)})
 
 
-def _new_columns(record: DrawRecord, every: Sequence[Contender]) -> Array:
-    """Return the columns of all parameters of contenders, per prior sigma, in the readings of a record, (m, p)."""
-    new = tuple(replace(p, name=f"contender {k}") for k, p in enumerate(p for who in every for p in who.parameters))
+def _new_columns(record: DrawRecord, every: Sequence[Candidate]) -> Array:
+    """Return the columns of all parameters of candidates, per prior sigma, in the readings of a record, (m, p)."""
+    new = tuple(replace(p, name=f"candidate {k}") for k, p in enumerate(p for who in every for p in who.parameters))
     problem = FitProblem.of(replace(record.model.fix_at(record.errors), parameters=new), record.run)
     return IndependentReadings.of(problem, np.zeros(len(new))).columns
 
@@ -198,7 +198,7 @@ def _readings_of_the_whole(posterior: PosteriorFit, worth: float) -> Array:
 class LearntOdds:
     """Logarithms of the odds beforehand that one of a pool of families acts, as the draws have learnt them, by pool.
 
-    Who takes part in a contest is none of the families that the draws have counted: all of the pool are its others.
+    Who takes part in a comparison is none of the families that the draws have counted: all of the pool are its others.
     """
 
     logs: dict[int, float]

@@ -75,7 +75,7 @@ class _AlikeCauses:
 
 
 @dataclass(frozen=True)
-class Together:
+class JointInclusion:
     """Causes that act, fitted together.
 
     Their covariance is a matrix and changes of a few directions, V diag(s) Vᵀ: to try one cause more or less then takes
@@ -107,7 +107,7 @@ class Together:
     alike: tuple[_AlikeCauses, ...]
 
     @classmethod
-    def of(cls, gram: Array, parts: Sequence[Part]) -> "Together":
+    def of(cls, gram: Array, parts: Sequence[Part]) -> "JointInclusion":
         """Fit causes of known sizes, by products of all columns (p + 1, p + 1)."""
         columns, size = sizes_of(parts)
         information = np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size
@@ -126,11 +126,11 @@ class Together:
         """Logarithm of the state's probability over that of the one in which nothing acts."""
         return float(self.odds[self.stays].sum() + 0.5 * (self.along @ self.mean + self.log_det))
 
-    def add_cause(self, gram: Array, part: Part) -> "Together":
+    def add_cause(self, gram: Array, part: Part) -> "JointInclusion":
         """Return the fit with one more cause, behind the others."""
         return next(self.add_each(gram, [part]))
 
-    def add_each(self, gram: Array, parts: Sequence[Part]) -> Iterator["Together"]:
+    def add_each(self, gram: Array, parts: Sequence[Part]) -> Iterator["JointInclusion"]:
         """Yield the fit with each of some causes, behind the others."""
         if not parts:
             return
@@ -142,7 +142,7 @@ class Together:
         for part, place in zip(parts, _places(parts, 0), strict=True):
             yield self._add(gram, part, shared[:, place], turned[:, place])
 
-    def _add(self, gram: Array, part: Part, shared: Array, turned: Array) -> "Together":
+    def _add(self, gram: Array, part: Part, shared: Array, turned: Array) -> "JointInclusion":
         """Add one of which products with what acts are known, (k + 1, w), and these times the covariance.
 
         A block's inverse follows by its Schur complement.
@@ -157,7 +157,7 @@ class Together:
         block = np.eye(newcomer.shape[1])[None]
         block[0, : len(new), : len(new)] = own
         there = [each.with_change(side, 1.0) for each in self.alike]
-        return Together(
+        return JointInclusion(
             (*self.parts, part),
             (*self.places, slice(len(self.mean), len(side))),
             np.append(self.stays, True),
@@ -171,7 +171,7 @@ class Together:
             (*there, _AlikeCauses(np.array([len(self.parts)]), newcomer, block)),
         )
 
-    def remove_cause(self, k: int) -> "Together":
+    def remove_cause(self, k: int) -> "JointInclusion":
         """Return the fit without one of its causes: its parameters are nought then."""
         gone, first = self.places[k], len(self.covariance)
         side = self.change * self.signs @ self.change[gone].T
@@ -193,7 +193,7 @@ class Together:
             alike=tuple(each.without(k).with_change(lost, -1.0) for each in self.alike),
         )
 
-    def settle(self) -> "Together":
+    def settle(self) -> "JointInclusion":
         """Return the same with all changes in the covariance, and without what was taken out."""
         kept = np.concatenate([[0], *(_range(p) for p, stays in zip(self.places, self.stays, strict=True) if stays)])
         old = kept[kept < len(self.covariance)]
@@ -201,7 +201,7 @@ class Together:
         covariance[: len(old), : len(old)] += self.covariance[np.ix_(old, old)]
         parts = tuple(part for part, stays in zip(self.parts, self.stays, strict=True) if stays)
         places = _places(parts)
-        return Together(
+        return JointInclusion(
             parts,
             places,
             np.ones(len(parts), dtype=bool),
@@ -215,7 +215,7 @@ class Together:
             _AlikeCauses.of(covariance, places),
         )
 
-    def prune(self, free: bool = False) -> "Together":
+    def prune(self, free: bool = False) -> "JointInclusion":
         """Take out what is needless, the least first; the last one stays whatever it is worth, unless ``free``."""
         state = self
         while state.stays.sum() > 1:

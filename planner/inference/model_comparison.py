@@ -22,9 +22,9 @@ from scipy.linalg import solve_triangular
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
-from planner.inference.candidates import HUNDRED_TO_ONE, Contest, Rival, Standing
-from planner.inference.comparison_columns import Arena, Block
-from planner.inference.joint_inclusion import Part, Together, sizes_of
+from planner.inference.candidates import HUNDRED_TO_ONE, CauseComparison, Inclusion, Rival
+from planner.inference.comparison_columns import Block, ComparisonColumns
+from planner.inference.joint_inclusion import JointInclusion, Part, sizes_of
 from planner.inference.posterior_draws import SizeDraw
 from planner.inference.posterior_fit import PosteriorFit
 
@@ -38,14 +38,16 @@ PLAUSIBLE = 3.0  # prior sigmas of a rival
 OWN_NAME, NOTHING = "", "nothing"
 
 
-def judge_findings(posterior: PosteriorFit, contests: Sequence[Contest], worth: float) -> list[Standing]:
+def judge_findings(posterior: PosteriorFit, comparisons: Sequence[CauseComparison], worth: float) -> list[Inclusion]:
     """Return how each finding stands against its rivals; ``worth``: readings of the run per reading of the record."""
-    if not contests:
+    if not comparisons:
         return []
     draws = posterior.record.draws
     looked = [draws[k] for k in even_positions(len(draws), min(LOOKED_AT, len(draws)))]
-    arena = Arena.of(posterior, contests, max(worth, 1.0), looked)
-    weights = [Bouts.of(arena, draw).weigh_all() for draw in looked]  # products of all columns: one draw's at a time
+    compared = ComparisonColumns.of(posterior, comparisons, max(worth, 1.0), looked)
+    weights = [
+        DrawComparison.of(compared, draw).weigh_all() for draw in looked
+    ]  # products of all columns: one draw's at a time
     return [average_standing(each) for each in zip(*weights, strict=True)]
 
 
@@ -62,7 +64,7 @@ class Weights:
     by_poses: frozenset[str] = frozenset()
 
 
-def average_standing(each: Sequence[Weights]) -> Standing:
+def average_standing(each: Sequence[Weights]) -> Inclusion:
     """Average the probabilities of a finding over the draws."""
     probability = dict.fromkeys((name for w in each for name in (*w.logs, *sorted(w.by_poses))), 0.0)
     for weights in each:
@@ -77,11 +79,11 @@ def average_standing(each: Sequence[Weights]) -> Standing:
         for name, p in probability.items()
         if name not in (OWN_NAME, NOTHING) and (p >= HUNDRED_TO_ONE or name in by_poses)
     ]
-    return Standing(probability[OWN_NAME], tuple(sorted(rivals, key=lambda r: -r.probability)))
+    return Inclusion(probability[OWN_NAME], tuple(sorted(rivals, key=lambda r: -r.probability)))
 
 
 @dataclass(frozen=True)
-class Beside:
+class ConditionalProducts:
     """What acts beside a cause, as it is taken out of products of columns.
 
     Attributes:
@@ -95,7 +97,7 @@ class Beside:
     back: Array
 
     @classmethod
-    def of(cls, gram: Array, parts: Sequence[Part], wanted: np.ndarray | None = None) -> "Beside":
+    def of(cls, gram: Array, parts: Sequence[Part], wanted: np.ndarray | None = None) -> "ConditionalProducts":
         """Take the causes ``parts``, of known sizes, out of the products ``gram`` (p + 1, p + 1) of all columns.
 
         Of these some are ``wanted`` (w,) int, or all.
@@ -110,7 +112,7 @@ class Beside:
         shared[:, wanted] = solve_triangular(root, size[:, None] * gram[np.ix_(columns, wanted)], lower=True)
         return cls(shared, gram, none)
 
-    def without(self, fit: Together, gone: Sequence[int]) -> "Beside":
+    def without(self, fit: JointInclusion, gone: Sequence[int]) -> "ConditionalProducts":
         """Return the same without some of the causes, by their fit together.
 
         With Σ the covariance of all parameters over their sizes S, and o of what goes, XᵀC⁻¹X grows by
@@ -155,26 +157,26 @@ class Beside:
 
 
 @dataclass(frozen=True)
-class Bouts:
+class DrawComparison:
     """One draw: products of all columns beside what acts always, and what acts as drawn."""
 
-    arena: Arena
+    compared: ComparisonColumns
     gram: Array
     present: tuple[Part, ...]
 
     @classmethod
-    def of(cls, arena: Arena, draw: SizeDraw) -> "Bouts":
-        """Prepare the contests of one draw."""
-        acting = [(b, float(draw.factors[f])) for f, b in arena.families.items() if draw.factors[f] > 0]
-        return cls(arena, arena.products(draw), tuple(acting))
+    def of(cls, compared: ComparisonColumns, draw: SizeDraw) -> "DrawComparison":
+        """Prepare the comparisons of one draw."""
+        acting = [(b, float(draw.factors[f])) for f, b in compared.families.items() if draw.factors[f] > 0]
+        return cls(compared, compared.products(draw), tuple(acting))
 
     def weigh_all(self) -> list[Weights]:
         """Weigh all that may stand for each finding."""
-        return [self.weigh(k) for k in range(len(self.arena.own))]
+        return [self.weigh(k) for k in range(len(self.compared.own))]
 
     def weigh(self, k: int) -> Weights:
         """Weigh all that may stand for finding k."""
-        own, state = self.arena.own[k], self._fit_around(self.arena.own[k])
+        own, state = self.compared.own[k], self._fit_around(self.compared.own[k])
         held, size, whole = list(state.parts[:-1]), state.parts[-1][1], state.log_odds
         beside = self._without(held)
         by_poses = set[str]()
@@ -182,7 +184,7 @@ class Bouts:
         b, stand = _mean_of(beside, own, size), [(OWN_NAME, own)]
         # of the finding's share in the readings a rival must explain the larger part
         most = min(TOLD_APART**2, 0.5 * float(b @ beside.products(own.columns, own.columns) @ b))
-        unnamed = {id(u) for u in self.arena.unnamed}
+        unnamed = {id(u) for u in self.compared.unnamed}
         others = list(self._by_distance(k, held, beside, b))
         without = (beside, *self._without_kin(own, held, [block for block, _, is_tried in others if is_tried]))
         logs = self._log_odds_with_each(state, own, [block for block, _, is_tried in others if is_tried], without)
@@ -198,32 +200,32 @@ class Bouts:
         return Weights(out, frozenset(by_poses))
 
     @cached_property
-    def _whole_fit(self) -> Together:
+    def _whole_fit(self) -> JointInclusion:
         """What acts as drawn, fitted together."""
-        return Together.of(self.gram, self.present)
+        return JointInclusion.of(self.gram, self.present)
 
     @cached_property
-    def _lean_fit(self) -> Together:
+    def _lean_fit(self) -> JointInclusion:
         """The same without what is needless."""
         return self._whole_fit.prune(free=True).settle()
 
     @cached_property
-    def _whole_beside(self) -> Beside:
-        """What acts as drawn, beside whatever takes part in a contest."""
-        return Beside.of(self.gram, self.present, self._contestants)
+    def _whole_beside(self) -> ConditionalProducts:
+        """What acts as drawn, beside whatever takes part in a comparison."""
+        return ConditionalProducts.of(self.gram, self.present, self._contestants)
 
     @cached_property
-    def _lean_beside(self) -> Beside:
+    def _lean_beside(self) -> ConditionalProducts:
         """The same without what is needless."""
-        return Beside.of(self.gram, self._lean_fit.parts, self._contestants)
+        return ConditionalProducts.of(self.gram, self._lean_fit.parts, self._contestants)
 
     @cached_property
     def _contestants(self) -> np.ndarray:
-        """Positions of the columns of all that take part in a contest, and of the readings."""
-        arena = self.arena
-        return self._columns_of([*arena.own, *(g for group in arena.others for g in group), *arena.unnamed])
+        """Positions of the columns of all that take part in a comparison, and of the readings."""
+        compared = self.compared
+        return self._columns_of([*compared.own, *(g for group in compared.others for g in group), *compared.unnamed])
 
-    def _fit_around(self, own: Block) -> Together:
+    def _fit_around(self, own: Block) -> JointInclusion:
         """Return the fit of a finding, the last, and of what acts beside it.
 
         What is needless is out: drawn by chance alone, it would count against the finding.
@@ -232,7 +234,7 @@ class Bouts:
         if place is None:
             part = own, _best_factor(self._whole_beside, own)
             alone = not self.present
-            state = Together.of(self.gram, [part]) if alone else self._whole_fit.add_cause(self.gram, part)
+            state = JointInclusion.of(self.gram, [part]) if alone else self._whole_fit.add_cause(self.gram, part)
             return state.prune().settle()
         part = own, self.present[place][1]
         # what is needless beside a finding that is not needless itself goes in one order, whichever finding it is
@@ -242,7 +244,7 @@ class Bouts:
 
     def _share_names(self, out: dict[str, float], stand: Sequence[tuple[str, Block]]) -> None:
         """Share what stands among all causes that have its law: no reading tells them apart, but one may be usual."""
-        for other in self.arena.same_law:
+        for other in self.compared.same_law:
             odds = float(other.logs[0])
             for name, block in stand:
                 if self.have_one_law(block, other):
@@ -262,38 +264,38 @@ class Bouts:
         return all(float(np.linalg.eigvalsh(each)[-1]) * PLAUSIBLE**2 < 1.0 for each in left)
 
     def _by_distance(
-        self, k: int, held: Sequence[Part], beside: Beside, b: Array
+        self, k: int, held: Sequence[Part], beside: ConditionalProducts, b: Array
     ) -> Iterator[tuple[Block, float, bool]]:
         """Yield the causes that may explain what finding k does, δ² of each, and whether it is one of the nearest."""
-        there = {part[0].name for part in held} | {self.arena.own[k].name}
-        for group in (self.arena.others[k], self.arena.unnamed):
+        there = {part[0].name for part in held} | {self.compared.own[k].name}
+        for group in (self.compared.others[k], self.compared.unnamed):
             rivals = [g for g in group if g.name not in there]
-            left = beside.distance_squares(self.arena.own[k], b, rivals)
+            left = beside.distance_squares(self.compared.own[k], b, rivals)
             order = np.argsort(left, kind="stable").tolist()
             yield from ((rivals[n], float(left[n]), place < NEAREST) for place, n in enumerate(order))
 
-    def _without(self, held: Sequence[Part]) -> Beside:
+    def _without(self, held: Sequence[Part]) -> ConditionalProducts:
         """Return what acts beside another cause where ``held`` alone acts, of what was drawn."""
         if not held:
-            return Beside.of(self.gram, held)
+            return ConditionalProducts.of(self.gram, held)
         names = {block.name for block, _ in held}
         lean = names <= {block.name for block, _ in self._lean_fit.parts}
         fit, beside = (self._lean_fit, self._lean_beside) if lean else (self._whole_fit, self._whole_beside)
         return beside.without(fit, [n for n, (block, _) in enumerate(fit.parts) if block.name not in names])
 
-    def _without_kin(self, own: Block, held: Sequence[Part], tried: Sequence[Block]) -> tuple[Beside, ...]:
+    def _without_kin(self, own: Block, held: Sequence[Part], tried: Sequence[Block]) -> tuple[ConditionalProducts, ...]:
         """Return the same without a finding's kin, for causes that are tried; nothing where it has none."""
         place = own.name.removesuffix(" (background)").partition(", ")[2]
         others = [part for part in held if part[0].name.removesuffix(" (background)").partition(", ")[2] != place]
         few = len(others) < len(held) and len(tried) > 0
-        return (Beside.of(self.gram, others, self._columns_of(tried)),) if few else ()
+        return (ConditionalProducts.of(self.gram, others, self._columns_of(tried)),) if few else ()
 
     def _columns_of(self, blocks: Sequence[Block]) -> np.ndarray:
         """Return the positions of the columns of causes, and of the readings."""
         return np.unique(np.concatenate([*(b.columns for b in blocks), [len(self.gram) - 1]]))
 
     def _log_odds_with_each(
-        self, state: Together, own: Block, blocks: Sequence[Block], without: Sequence[Beside]
+        self, state: JointInclusion, own: Block, blocks: Sequence[Block], without: Sequence[ConditionalProducts]
     ) -> dict[int, float]:
         """Return the log odds with each newcomer in and all needless out, by its id; of those where the finding goes.
 
@@ -308,11 +310,11 @@ class Bouts:
         return out
 
 
-def _best_factor(beside: Beside, block: Block) -> float:
+def _best_factor(beside: ConditionalProducts, block: Block) -> float:
     return float(block.factors[int(np.argmax(beside.gains(block)))])
 
 
-def _mean_of(beside: Beside, own: Block, size: float) -> Array:
+def _mean_of(beside: ConditionalProducts, own: Block, size: float) -> Array:
     """Return the mean of a cause's parameters, (k,) in prior sigmas."""
     y = np.array([len(beside.gram) - 1])
     information = beside.products(own.columns, own.columns) + np.eye(len(own.columns)) / size**2

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from planner.common.system import give_back_memory
 from planner.common.units import display_unit, format_value
 from planner.effects.steps import SLIP
-from planner.inference.candidates import Contest, Standing, TracingResult
+from planner.inference.candidates import CauseComparison, Inclusion, TracingResult
 from planner.inference.model_comparison import judge_findings
 from planner.model.finding import Finding, RejectedEffect, cause_text, percent
 from planner.model.identification_document import Estimate
 from planner.release.nameless_rivals import with_nameless_rivals
-from planner.release.posterior_causes import held_families, held_findings
+from planner.release.posterior_causes import posterior_families, posterior_findings
 from planner.release.released_robot import ReleasedRobot
 
 
@@ -45,11 +45,11 @@ def name_causes(
     posterior = released.posterior
     give_back_memory()
     worth = readings / len(posterior.record.effects.y)
-    known = _judge(released, traced.contests, worth)
+    known = _judge(released, traced.comparisons, worth)
     found = tuple(_with_standing(f, known[f.name]) if f.name in known else f for f in found)
-    held = held_families(posterior, found)
-    known |= _judge(released, [h.contest for h in held], worth)
-    beside = [f for h in held for f in held_findings(released, h, known[h.name])]
+    held = posterior_families(posterior, found)
+    known |= _judge(released, [h.comparison for h in held], worth)
+    beside = [f for h in held for f in posterior_findings(released, h, known[h.name])]
     again = {f.name for f in beside}
     kept = tuple(f for f in found if not _is_negligible(f) and not (f.is_doubtful and f.name in again))
     rejected = {f.name: _rejection(f) for f in found if f not in kept and f.name not in again}
@@ -64,15 +64,15 @@ def _likeliest(findings: tuple[Finding, ...], most: int | None) -> tuple[Finding
     return tuple(f for f in findings if f.effect == SLIP or f.name in names)
 
 
-def _judge(released: ReleasedRobot, contests: Sequence[Contest], worth: float) -> dict[str, Standing]:
-    """Return how the cause of each contest stands, by name."""
+def _judge(released: ReleasedRobot, comparisons: Sequence[CauseComparison], worth: float) -> dict[str, Inclusion]:
+    """Return how the cause of each comparison stands, by name."""
     judged = with_nameless_rivals(
-        released, [c.own for c in contests], judge_findings(released.posterior, contests, worth)
+        released, [c.own for c in comparisons], judge_findings(released.posterior, comparisons, worth)
     )
-    return {c.own.name: standing for c, standing in zip(contests, judged, strict=True)}
+    return {c.own.name: standing for c, standing in zip(comparisons, judged, strict=True)}
 
 
-def _with_standing(f: Finding, standing: Standing) -> Finding:
+def _with_standing(f: Finding, standing: Inclusion) -> Finding:
     """Return a finding with its probability and its rivals."""
     update = {
         "probability": standing.probability,

@@ -1,7 +1,7 @@
 """A finding may be the part of a nameless cause that a name happens to fit.
 
-Each finding is held against single causes, with a name or without (``contest``). A cause that acts by several laws at
-once, as a hose that pulls at four joints does, loses each of these contests and is there nevertheless: what it moves
+Each finding is compared with single causes, with a name or without. A cause that acts by several laws at
+once, as a hose that pulls at four joints does, loses each of these comparisons and is there nevertheless: what it moves
 besides is then seen as misfit. Of what the catalogue has, nothing is left. The finding is such a part as likely as
 there is misfit, times the share that the nameless has in what both move: a name that fits leaves little beside it.
 What the gauge does by itself moves no tool: of it and of the nameless it is counted how far the readings move.
@@ -16,15 +16,15 @@ from planner.effects.nonparametric import NONPARAMETRIC
 from planner.effects.phi_keys import columns_of, depends_on_run
 from planner.fit.assumptions import POSITION_AXES
 from planner.fit.problem import FitProblem
-from planner.inference.candidates import HUNDRED_TO_ONE, Contender, Rival, Standing
+from planner.inference.candidates import HUNDRED_TO_ONE, Candidate, Inclusion, Rival
 from planner.inference.posterior_background import OF_BACKGROUND
 from planner.release.error_parts import misfit_likelihood, misfit_motion
 from planner.release.released_robot import ReleasedRobot
 
 
 def with_nameless_rivals(
-    released: ReleasedRobot, causes: Sequence[Contender], standings: Sequence[Standing]
-) -> list[Standing]:
+    released: ReleasedRobot, causes: Sequence[Candidate], standings: Sequence[Inclusion]
+) -> list[Inclusion]:
     """Return the standings of causes, each held against what the run shows of nameless causes as well."""
     if not causes:
         return []
@@ -41,7 +41,7 @@ def with_nameless_rivals(
     return out
 
 
-def _motion(released: ReleasedRobot, cause: Contender) -> float:
+def _motion(released: ReleasedRobot, cause: Candidate) -> float:
     """Return how far a cause moves the tool over the workspace, rms [m], the base aligned anew; 0: not at all."""
     tool, values = released.tool, released.posterior.fit.values
     own = {p.name: values[p.name] for p in cause.parameters if p.name in values}
@@ -49,7 +49,7 @@ def _motion(released: ReleasedRobot, cause: Contender) -> float:
     return float(np.sqrt(tool.square(errors[:, None]).mean()))
 
 
-def _motion_of_readings(released: ReleasedRobot, cause: Contender) -> float:
+def _motion_of_readings(released: ReleasedRobot, cause: Candidate) -> float:
     """Return how far a cause of the gauge moves the positions that are read, rms [m]; 0: by time or speed alone.
 
     What has no name is looked for by joint angles and loads.
@@ -65,7 +65,7 @@ def _motion_of_readings(released: ReleasedRobot, cause: Contender) -> float:
     return float(np.sqrt((moved**2).sum(axis=1).mean()))
 
 
-def _share_out(standing: Standing, nameless: float, name: str) -> Standing:
+def _share_out(standing: Inclusion, nameless: float, name: str) -> Inclusion:
     """Return a standing of which a nameless cause takes a share, as the rival without a name that it has or a new one.
 
     What is less than a hundred to one against it is left out, as of other rivals.
@@ -79,4 +79,4 @@ def _share_out(standing: Standing, nameless: float, name: str) -> Standing:
         left.append(Rival(f"{NONPARAMETRIC}, {name.partition(', ')[2] or 'arm'}", taken))
     else:
         left[here] = Rival(left[here].name, left[here].probability + taken)
-    return Standing((1 - nameless) * standing.probability, tuple(sorted(left, key=lambda r: -r.probability)))
+    return Inclusion((1 - nameless) * standing.probability, tuple(sorted(left, key=lambda r: -r.probability)))

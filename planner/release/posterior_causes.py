@@ -16,7 +16,7 @@ from planner.effects.catalogue import catalogue, effect_kinds
 from planner.effects.effect import Effect
 from planner.effects.nonparametric import GEAR_CURVE
 from planner.fit.assumptions import STANDING_PROBABILITY
-from planner.inference.candidates import Contender, Contest, Standing, contenders_of_same_law
+from planner.inference.candidates import Candidate, CauseComparison, Inclusion, candidates_of_same_law
 from planner.inference.posterior_background import OF_BACKGROUND
 from planner.inference.posterior_fit import PosteriorFit
 from planner.model.finding import Finding, grade_of
@@ -32,19 +32,19 @@ GEAR_CAUSES = {
 
 
 @dataclass(frozen=True)
-class HeldFamily:
+class PosteriorFamily:
     """A family of the background that is likelier to act than not.
 
     Attributes:
         name: of the family, as the posterior has it.
         places: the cause of the catalogue at each of its places, ``KIND, PLACE``, and the names of its parameters.
-        contest: for what it explains.
+        comparison: for what it explains.
         many: of each rival that acts at many places, by its kind, these causes.
     """
 
     name: str
     places: Mapping[str, frozenset[str]]
-    contest: Contest
+    comparison: CauseComparison
     many: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def rival_at(self, name: str, place: str) -> str:
@@ -68,15 +68,15 @@ class _Background:
         return out
 
     @cached_property
-    def same_law(self) -> tuple[Contender, ...]:
+    def same_law(self) -> tuple[Candidate, ...]:
         """The causes that are met in the name of another."""
-        return contenders_of_same_law(e for each in self.effects.values() for e in each)
+        return candidates_of_same_law(e for each in self.effects.values() for e in each)
 
-    def contender(self, family: int, name: str) -> Contender:
-        """Return a family as who takes part in a contest, under a name."""
+    def candidate(self, family: int, name: str) -> Candidate:
+        """Return a family as who takes part in a comparison, under a name."""
         record = self.posterior.record
         own = record.effects.family_positions[family].tolist()
-        return Contender(name, tuple(record.model.parameters[k] for k in own))
+        return Candidate(name, tuple(record.model.parameters[k] for k in own))
 
     def places(self, name: str, parameters: frozenset[str]) -> dict[str, frozenset[str]]:
         """Return the causes that a family, without its last word, stands for; empty where it has no name."""
@@ -92,7 +92,7 @@ class _Background:
             out[effect.family] = out.get(effect.family, frozenset()) | own
         return {cause: own for cause, own in out.items() if own}
 
-    def rivals(self, name: str) -> Iterator[tuple[Contender, tuple[str, ...]]]:
+    def rivals(self, name: str) -> Iterator[tuple[Candidate, tuple[str, ...]]]:
         """Yield who at the same joint or link and its neighbours, or all over the arm, may stand for one; its causes.
 
         Who acts at many places goes by its kind.
@@ -108,14 +108,14 @@ class _Background:
             is_gear = other.startswith(OF_GEARS)
             if is_gear and not (kind.startswith(OF_GEARS) and other.partition(", ")[2] == place):
                 continue
-            one = self.contender(f, other)
+            one = self.candidate(f, other)
             causes = self.places(other, frozenset(p.name for p in one.parameters))
             there = _numbers(other.partition(", ")[2])
             if causes and (not there or not near or there & near):
-                yield Contender(next(iter(causes)) if len(causes) == 1 else other, one.parameters), tuple(causes)
+                yield Candidate(next(iter(causes)) if len(causes) == 1 else other, one.parameters), tuple(causes)
 
 
-def held_families(posterior: PosteriorFit, findings: Sequence[Finding]) -> tuple[HeldFamily, ...]:
+def posterior_families(posterior: PosteriorFit, findings: Sequence[Finding]) -> tuple[PosteriorFamily, ...]:
     """Return the causes of the background that are likelier to act than not.
 
     The bands in which the background has a gear that was found by name are that finding.
@@ -129,26 +129,26 @@ def held_families(posterior: PosteriorFit, findings: Sequence[Finding]) -> tuple
         name = full.removesuffix(OF_BACKGROUND)
         if name == full or full not in likely or (name.startswith(OF_GEARS) and name.partition(", ")[2] in gears):
             continue
-        own = background.contender(k, full)
+        own = background.candidate(k, full)
         places = background.places(name, frozenset(p.name for p in own.parameters))
         if places and not named & places.keys():
             rivals = list(background.rivals(name))
-            contest = Contest(own, tuple(who for who, _ in rivals), background.same_law)
-            out.append(HeldFamily(full, places, contest, {who.name: c for who, c in rivals if len(c) > 1}))
+            comparison = CauseComparison(own, tuple(who for who, _ in rivals), background.same_law)
+            out.append(PosteriorFamily(full, places, comparison, {who.name: c for who, c in rivals if len(c) > 1}))
     return tuple(out)
 
 
-def held_findings(released: ReleasedRobot, family: HeldFamily, standing: Standing) -> Iterator[Finding]:
-    """Yield what a family is told as, with its standing in the contest: a finding at each place where it is seen.
+def posterior_findings(released: ReleasedRobot, family: PosteriorFamily, standing: Inclusion) -> Iterator[Finding]:
+    """Yield what a family is told as, with its standing in the comparison: a finding at each place where it is seen.
 
     Of a kind that acts somewhere, no place is named where none is seen: the largest of many small sizes is chance.
     """
-    # in the contest one cause alone stands in its place: where several together do, the draws tell
+    # in the comparison one cause alone stands in its place: where several together do, the draws tell
     held = next(f.probability for f in released.posterior.families if f.name == family.name)
     probability = min(standing.probability, held)
     if grade_of(probability) == "doubtful":
         return
-    sizes = [s for cause, own in family.places.items() if (s := _HeldSize.of(released, cause, own)) is not None]
+    sizes = [s for cause, own in family.places.items() if (s := _PosteriorSize.of(released, cause, own)) is not None]
     for size in sizes:
         own = probability * (1 - size.chance(len(family.places)))
         if grade_of(own) == "doubtful":
@@ -172,7 +172,7 @@ def held_findings(released: ReleasedRobot, family: HeldFamily, standing: Standin
 
 
 @dataclass(frozen=True)
-class _HeldSize:
+class _PosteriorSize:
     """Size of a cause of the background where it acts.
 
     Attributes:
@@ -198,7 +198,7 @@ class _HeldSize:
         return float(min(1.0, places * chdtrc(self.freedom, square)))
 
     @classmethod
-    def of(cls, released: ReleasedRobot, cause: str, parameters: frozenset[str]) -> "_HeldSize | None":
+    def of(cls, released: ReleasedRobot, cause: str, parameters: frozenset[str]) -> "_PosteriorSize | None":
         """Look at the draws in which it acts; ``None`` where there are none."""
         posterior = released.posterior
         model = posterior.fit.model

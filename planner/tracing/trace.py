@@ -15,7 +15,7 @@ from planner.effects.catalogue import catalogue
 from planner.effects.effect import Effect, Role
 from planner.effects.sessions import SESSION_STEP
 from planner.effects.steps import SLIP, STEP, Steppable
-from planner.inference.candidates import Contender, Contest, TracingResult, contenders_of_same_law
+from planner.inference.candidates import Candidate, CauseComparison, TracingResult, candidates_of_same_law
 from planner.inference.stages import FitContext, FittedStage
 from planner.model.finding import Finding, InnerNumber, log10_p, p_value
 from planner.model.finding_groups import unit_of_change
@@ -84,20 +84,20 @@ def _contests(
     rivals: Sequence[Rivalry],
     offered: Sequence[Effect],
     steppables: Sequence[Steppable],
-) -> Iterator[Contest]:
-    """Yield the findings of each name as the contest for what they explain."""
-    same_law = contenders_of_same_law(offered)
+) -> Iterator[CauseComparison]:
+    """Yield the findings of each name as the comparison for what they explain."""
+    same_law = candidates_of_same_law(offered)
     for name in dict.fromkeys(f.effect.family for f in found):
         own = [k for k, f in enumerate(found) if f.effect.family == name]
         parameters = tuple(p for p in last.fit.model.parameters if p.group == name)
         scores = {s.effect.family: s for k in own for s in rivals[k].scores}
-        others = {n: Contender(n, s.effect.make(s.value), _handicap(s.effect)) for n, s in scores.items()}
+        others = {n: Candidate(n, s.effect.make(s.value), _handicap(s.effect)) for n, s in scores.items()}
         others |= {c.name: c for c in other_series(steppables, [found[k] for k in own])}
         handicap = sum(_handicap(found[k].effect) for k in own)
-        yield Contest(Contender(name, parameters, handicap), tuple(others.values()), same_law)
+        yield CauseComparison(Candidate(name, parameters, handicap), tuple(others.values()), same_law)
 
 
-def other_series(steppables: Sequence[Steppable], found: Sequence[FittedEffect]) -> Iterator[Contender]:
+def other_series(steppables: Sequence[Steppable], found: Sequence[FittedEffect]) -> Iterator[Candidate]:
     """Yield every other thing that may have stepped at the times at which one thing stepped more than once.
 
     One step of another thing explains only a part of a series: all of its steps together are the rival.
@@ -112,7 +112,7 @@ def other_series(steppables: Sequence[Steppable], found: Sequence[FittedEffect])
     for thing in steppables:
         if thing.place != found[0].effect.place:
             steps = [thing.step(sample, f.effect.scanned) for f in found if (sample := change_sample(f)) is not None]
-            yield Contender(steps[0].family, tuple(p for step in steps for p in step.make()), handicap)
+            yield Candidate(steps[0].family, tuple(p for step in steps for p in step.make()), handicap)
 
 
 def _handicap(effect: Effect) -> float:
@@ -244,12 +244,12 @@ def trace(
     steppables = result.context.steppables
     # what is stated acts for certain; a wrong row counts for little in the posterior, which judges no more of it
     searched = [k for k, (f, _) in enumerate(kept) if f not in off and f.effect.kind != SLIP]
-    contests = tuple(
+    comparisons = tuple(
         _contests(last, [kept[k][0] for k in searched], [rivals[k] for k in searched], offered, steppables)
     )
     report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried_number))
-    return stages, TracingResult(findings, silent, result.rejected, result.tried_number, contests)
+    return stages, TracingResult(findings, silent, result.rejected, result.tried_number, comparisons)
 
 
 def told_path(path: Sequence[SearchState]) -> list[SearchState]:

@@ -22,7 +22,7 @@ from planner.fit.assumptions import USUAL_NOISE_SHARE
 from planner.fit.least_squares import Fit, Solution
 from planner.fit.problem import FitProblem
 from planner.fit.run_setup import locate_gauge, number_samples, setup_for_run
-from planner.inference.candidates import Contender, Rival, Standing
+from planner.inference.candidates import Candidate, Inclusion, Rival
 from planner.inference.misfit import (
     HeldOutReadings,
     Misfit,
@@ -293,9 +293,9 @@ def test_the_parts_make_up_what_is_stated(identified_run):
 
 
 def test_what_moves_the_tool_beside_a_nameless_cause_may_be_a_part_of_it(identified_run):
-    """What is nameless has its share in what both move; the probabilities stay those of one contest."""
+    """What is nameless has its share in what both move; the probabilities stay those of one comparison."""
     hidden, found, _ = identified_run
-    released, before = found.released, Standing(0.9, (Rival("gear ripple, joint 2", 0.1),))
+    released, before = found.released, Inclusion(0.9, (Rival("gear ripple, joint 2", 0.1),))
     (unmoved,) = with_nameless_rivals(released, [_cause(released, "drift, gauge")], [before])
     assert unmoved == before
     released = replace(released, posterior=replace(released.posterior, fit=_called(released.posterior.fit)))
@@ -311,12 +311,12 @@ def test_what_moves_the_tool_beside_a_nameless_cause_may_be_a_part_of_it(identif
 def test_what_a_gauge_does_by_itself_may_be_a_part_of_a_nameless_cause_too(identified_run):
     """A hose that pulled at four joints was called a lobed ball of the bar (99 %), which moves no tool."""
     hidden, found, _ = identified_run
-    released, before = found.released, Standing(0.9, ())
+    released, before = found.released, Inclusion(0.9, ())
     of_gauge = [
         p for p in released.posterior.fit.model.parameters
         if all(m.on == "reading" and not columns_of(m.phi.key) for m in p.moves)
     ]  # fmt: skip
-    lobed = Contender("ball lobing, ball on the tool", tuple(of_gauge))
+    lobed = Candidate("ball lobing, ball on the tool", tuple(of_gauge))
     (after,) = with_nameless_rivals(released, [lobed], [before])
     assert {r.name for r in after.rivals} <= {"unnamed, ball on the tool"}
     assert (after.probability < 0.45) == hidden  # the gauge's scale moves the readings by next to nothing
@@ -325,7 +325,7 @@ def test_what_a_gauge_does_by_itself_may_be_a_part_of_a_nameless_cause_too(ident
 
 def _cause(released, name):
     """The cause of a name with the parameters that the released robot has of it."""
-    return Contender(name, tuple(p for p in released.posterior.fit.model.parameters if p.group == name))
+    return Candidate(name, tuple(p for p in released.posterior.fit.model.parameters if p.group == name))
 
 
 def _called(fit):

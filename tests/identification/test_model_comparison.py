@@ -8,15 +8,15 @@ from scipy.stats import multivariate_normal
 
 from planner.effects.catalogue import check_effect_name
 from planner.effects.drift_shapes import IN_TIME
-from planner.inference.comparison_columns import Arena, Block
-from planner.inference.joint_inclusion import Together
+from planner.inference.comparison_columns import Block, ComparisonColumns
+from planner.inference.joint_inclusion import JointInclusion
 from planner.inference.model_comparison import (
     NOTHING,
     OWN_NAME,
     PLAUSIBLE,
     TOLD_APART,
-    Beside,
-    Bouts,
+    ConditionalProducts,
+    DrawComparison,
     average_standing,
 )
 from planner.inference.posterior_background import OF_BACKGROUND, UNNAMED, cause_of_family
@@ -45,8 +45,8 @@ def log_odds(columns, y, state):
     return sum(own.log_odds(size) for own, size in state) + evidence[0] - evidence[1]
 
 
-def arena(own, others=(), unnamed=()):
-    return Arena(None, None, None, None, 1.0, {}, (own,), (tuple(others),), tuple(unnamed))
+def compared(own, others=(), unnamed=()):
+    return ComparisonColumns(None, None, None, None, 1.0, {}, (own,), (tuple(others),), tuple(unnamed))
 
 
 def test_log_odds_are_those_of_the_normal_density():
@@ -54,13 +54,13 @@ def test_log_odds_are_those_of_the_normal_density():
     columns = rng.normal(size=(M, 5))
     y = columns @ [2.0, 0, 0, 1.0, 0] + rng.normal(size=M)
     a, b = block("a, joint 1", 0, 2, (0.5, 2.0)), block("b, joint 2", 3, 2, (0.5, 2.0))
-    bouts = Bouts(arena(a), products(columns, y), ())
+    draws_compared = DrawComparison(compared(a), products(columns, y), ())
     covariance = np.eye(M) + 4 * columns[:, :2] @ columns[:, :2].T + 0.25 * columns[:, 3:] @ columns[:, 3:].T
     likelihood = [multivariate_normal(np.zeros(M), C).logpdf(y) for C in (covariance, np.eye(M))]
     expected = likelihood[0] - likelihood[1] + 2 * (ODDS + np.log(0.5))
     assert log_odds(columns, y, [(a, 2.0), (b, 0.5)]) == pytest.approx(expected, abs=1e-8)
     # beside the one, the other's gain with each factor is the difference of two states
-    gains = Beside.of(bouts.gram, [(a, 2.0)]).gains(b)
+    gains = ConditionalProducts.of(draws_compared.gram, [(a, 2.0)]).gains(b)
     differences = [log_odds(columns, y, [(a, 2.0), (b, s)]) - log_odds(columns, y, [(a, 2.0)]) for s in b.factors]
     np.testing.assert_allclose(gains, differences, atol=1e-8)
 
@@ -70,7 +70,7 @@ def test_distance_of_two_causes_is_that_of_a_projection():
     rng = np.random.default_rng(1)
     columns, values = rng.normal(size=(M, 6)), np.array([1.5, -0.5])
     own, other, held = block("a, joint 1", 0, 2), block("b, joint 2", 2, 2), block("c, joint 3", 4, 2)
-    beside = Beside.of(products(columns, np.zeros(M)), [(held, 2.0)])
+    beside = ConditionalProducts.of(products(columns, np.zeros(M)), [(held, 2.0)])
     wide = np.vstack([columns[:, 2:], np.diag([1 / PLAUSIBLE] * 2 + [1 / 2.0] * 2)])
     target = np.append(columns[:, :2] @ values, np.zeros(4))
     left = target - wide @ np.linalg.lstsq(wide, target, rcond=None)[0]
@@ -84,9 +84,9 @@ def test_what_acts_beside_without_some_causes_is_what_the_others_are_by_themselv
     columns[:, 3:5] *= 1e3
     gram = products(columns, y)
     parts = [(block("a, joint 1", 0, 3), 0.5), (block("b, joint 2", 3, 2), 2.0), (block("c, joint 3", 5, 4), 1.5)]
-    fit, every = Together.of(gram, parts), Beside.of(gram, parts)
+    fit, every = JointInclusion.of(gram, parts), ConditionalProducts.of(gram, parts)
     for gone in ((), (0,), (1,), (2,), (0, 2), (0, 1, 2)):
-        alone = Beside.of(gram, [part for k, part in enumerate(parts) if k not in gone])
+        alone = ConditionalProducts.of(gram, [part for k, part in enumerate(parts) if k not in gone])
         found, own = every.without(fit, gone), np.arange(13)
         np.testing.assert_allclose(found.products(own, own), alone.products(own, own), rtol=1e-7, atol=1e-7)
         other, b = block("d, joint 4", 9), np.ones(2)
@@ -106,8 +106,8 @@ def test_two_causes_share_a_place_where_their_columns_are_nearly_one(angle, shar
     for _ in range(40):
         y = columns[:, 0] + rng.normal(size=M)
         own, other = block("a, joint 1", 0), block("b, joint 2", 1)
-        bouts = Bouts(arena(own, [other]), products(columns, y), ((own, 1.0),))
-        half.append(average_standing([bouts.weigh(0)]))
+        draws_compared = DrawComparison(compared(own, [other]), products(columns, y), ((own, 1.0),))
+        half.append(average_standing([draws_compared.weigh(0)]))
     mean = np.mean([s.probability for s in half])
     assert (0.35 < mean < 0.65) if shared else mean > 0.99
     assert all([r.name for r in s.rivals] == (["b, joint 2"] if shared else []) for s in half)
@@ -125,9 +125,9 @@ def test_one_law_under_two_names_shares_the_place_by_how_usual_the_names_are():
         Block(name, np.arange(k, k + n), np.ones(1), np.log([odds]))
         for name, k, n in (("b, joint 2", 2, 2), ("d, joint 3", 4, 2), ("e, joint 2", 6, 1))
     )
-    before = arena(own, [alone])
+    before = compared(own, [alone])
     one, many = (
-        average_standing([Bouts(replace(before, same_law=s), products(columns, y), ((own, 1.0),)).weigh(0)])
+        average_standing([DrawComparison(replace(before, same_law=s), products(columns, y), ((own, 1.0),)).weigh(0)])
         for s in ((), (same, part))
     )
     shared = {r.name: r.probability for r in many.rivals}
@@ -135,7 +135,7 @@ def test_one_law_under_two_names_shares_the_place_by_how_usual_the_names_are():
     assert shared["b, joint 2"] == pytest.approx(one.probability * odds / (1 + odds))
     assert "e, joint 2" not in shared  # a part of the law is another law
     # where a rival has the law, it is the rival's place that is shared
-    weights = Bouts(replace(before, same_law=(other,)), products(columns, y), ((own, 1.0),)).weigh(0)
+    weights = DrawComparison(replace(before, same_law=(other,)), products(columns, y), ((own, 1.0),)).weigh(0)
     assert weights.logs["d, joint 3"] - weights.logs["c, joint 3"] == pytest.approx(np.log(odds))
     assert average_standing([weights]).probability == pytest.approx(one.probability)
 
@@ -151,7 +151,7 @@ def test_poses_that_cannot_tell_make_a_rival_though_the_readings_spoke_by_luck()
     own, other = block("a, joint 1", 0), block("b, joint 2", 1)
     for _ in range(100):
         y = columns[:, 0] + rng.normal(size=M)
-        weights = Bouts(arena(own, [other]), products(columns, y), ((own, 1.0),)).weigh(0)
+        weights = DrawComparison(compared(own, [other]), products(columns, y), ((own, 1.0),)).weigh(0)
         rivals = {r.name: r.probability for r in average_standing([weights]).rivals}
         named += "b, joint 2" in rivals
         told += rivals.get("b, joint 2", 0.0) < 0.01
@@ -167,7 +167,7 @@ def test_all_are_named_that_poses_cannot_tell_however_many_they_are():
     others = [block(f"b{k}, joint 2", 1 + k) for k in range(12)]
     y = columns[:, 0] + rng.normal(size=M)
     own = block("a, joint 1", 0)
-    weights = Bouts(arena(own, others), products(columns, y), ((own, 1.0),)).weigh(0)
+    weights = DrawComparison(compared(own, others), products(columns, y), ((own, 1.0),)).weigh(0)
     assert {r.name for r in average_standing([weights]).rivals} == {b.name for b in others}
 
 
@@ -181,7 +181,7 @@ def test_one_cause_without_a_name_takes_the_place_of_three_with_one():
     each = [block(f"axis wobble {k} a turn, joint 4", j) for j, k in enumerate(("once", "twice", "three times"))]
     unnamed = block("unnamed, axis of joint 4 by its own angle", 3)
     found = tuple((b, 1.0) for b in each)
-    weights = Bouts(arena(each[0], (), [unnamed]), products(columns / 0.3, y / 0.3), found).weigh(0)
+    weights = DrawComparison(compared(each[0], (), [unnamed]), products(columns / 0.3, y / 0.3), found).weigh(0)
     standing = average_standing([weights])
     assert standing.probability < 0.05
     assert standing.rivals[0].name == unnamed.name
@@ -195,7 +195,7 @@ def test_where_it_was_drawn_beside_what_is_needless_a_finding_does_not_lose_by_t
     idle = tuple((block(f"c{k}, joint 2", 2 + k), 1.0) for k in range(5))
     y = columns[:, 0] + rng.normal(size=M)
     gram = products(columns, y - columns[:, 2:] @ (columns[:, 2:].T @ y) / M)
-    alone, beside = (Bouts(arena(own, [other]), gram, (*more, (own, 1.0))).weigh(0) for more in ((), idle))
+    alone, beside = (DrawComparison(compared(own, [other]), gram, (*more, (own, 1.0))).weigh(0) for more in ((), idle))
     assert alone.logs == pytest.approx(beside.logs)
 
 
@@ -211,11 +211,11 @@ def test_causes_that_come_and_go_leave_the_fit_that_others_have_by_themselves():
     columns, y = rng.normal(size=(M, 7)), rng.normal(size=M)
     gram = products(columns, y)
     parts = [(block("a, joint 1", 0, 2), 0.5), (block("b, joint 2", 2, 3), 2.0), (block("c, joint 3", 5, 2), 1.5)]
-    grown = Together.of(gram, parts[:1]).add_cause(gram, parts[1]).add_cause(gram, parts[2])
+    grown = JointInclusion.of(gram, parts[:1]).add_cause(gram, parts[1]).add_cause(gram, parts[2])
     for k in (None, 0, 1, 2):
         changed = grown if k is None else grown.remove_cause(k)
         state = changed.settle()
-        alone = Together.of(gram, [p for j, p in enumerate(parts) if j != k])
+        alone = JointInclusion.of(gram, [p for j, p in enumerate(parts) if j != k])
         assert state.parts == alone.parts
         np.testing.assert_allclose(state.covariance, alone.covariance, atol=1e-12)
         np.testing.assert_allclose(state.mean, alone.mean, atol=1e-12)
@@ -236,14 +236,14 @@ def test_what_is_needless_beside_a_finding_goes_as_if_it_were_looked_at_alone():
     gram = products(columns, y)
     findings = [block(f"found, joint {k}", 2 * k, 2, (0.5, 1.0)) for k in range(3)]
     idle = [block(f"idle, joint {k}", k) for k in range(6, 16)]
-    every = Arena(None, None, None, None, 1.0, {}, tuple(findings), ((),) * 3, ())
+    every = ComparisonColumns(None, None, None, None, 1.0, {}, tuple(findings), ((),) * 3, ())
     present = (*((f, 0.5) for f in findings[:2]), *((b, 1.0) for b in idle))  # the last finding was not drawn
-    together = Bouts(every, gram, present)
+    together = DrawComparison(every, gram, present)
     needless = 0
     for own in findings:
         state = together._fit_around(own)
         held = [part for part in present if part[0] is not own]
-        alone = Together.of(gram, [*held, (own, state.parts[-1][1])]).prune().settle()
+        alone = JointInclusion.of(gram, [*held, (own, state.parts[-1][1])]).prune().settle()
         assert {b.name for b, _ in state.parts} == {b.name for b, _ in alone.parts}
         assert state.parts[-1][0] is own
         assert state.log_odds == pytest.approx(alone.log_odds, abs=1e-8)

@@ -10,10 +10,10 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.effects.catalogue import check_effect_name
 from planner.identification.pipeline import identify
-from planner.inference.candidates import Contender, Contest, TracingResult
+from planner.inference.candidates import Candidate, CauseComparison, TracingResult
 from planner.model.finding import Finding
 from planner.release.causes import name_causes
-from planner.release.posterior_causes import HeldFamily, _HeldSize
+from planner.release.posterior_causes import PosteriorFamily, _PosteriorSize
 from planner.runs.loader import load_run
 from tests.identification.few_draws import few_draws
 from tests.tracing.worlds import effect, run
@@ -38,7 +38,9 @@ def test_a_clean_arm_has_no_causes():
 def test_what_acts_at_many_places_stands_for_it_by_the_cause_at_its_own():
     """Drifts of all joints are one family; as a rival of a joint's warm-up the drift of that joint is named."""
     drifts = ("drift, joint 1", "drift, joint 2", "drift, base")
-    family = HeldFamily("warm-up (background)", {}, Contest(Contender("warm-up (background)", ())), {"drift": drifts})
+    family = PosteriorFamily(
+        "warm-up (background)", {}, CauseComparison(Candidate("warm-up (background)", ())), {"drift": drifts}
+    )
     assert family.rival_at("drift", "joint 2") == "drift, joint 2"
     assert family.rival_at("drift", "joint 5") == "drift, joint 1"
     assert family.rival_at("soft base, base", "joint 2") == "soft base, base"
@@ -91,8 +93,8 @@ def test_the_largest_of_many_sizes_that_are_nothing_is_as_often_so_large(freedom
     largest = np.sort(np.linalg.norm(drawn, axis=2).max(axis=1))
     for share in (0.02, 0.2):
         z = largest[int((1 - share) * len(largest))]
-        size = _HeldSize("warm-up, joint 5", 3e-6 * z, 3e-6, "rad", freedom, 0.0)
+        size = _PosteriorSize("warm-up, joint 5", 3e-6 * z, 3e-6, "rad", freedom, 0.0)
         assert size.chance(places) == pytest.approx(share, rel=0.2)
         assert size.chance(1) == 0.0
-    faint = _HeldSize("warm-up, joint 5", 20e-6, 18e-6, "rad", freedom, 0.0)
+    faint = _PosteriorSize("warm-up, joint 5", 20e-6, 18e-6, "rad", freedom, 0.0)
     assert faint.chance(8) == 1.0
