@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from fastapi.responses import HTMLResponse
 
-from planner.identification.baseline import NAME as BASELINE
+from planner.documents.baseline import NAME as BASELINE
 from planner.model.identification_document import Identification
 from planner.model.use_text import TOOLS, bound_text
 from planner.service.certificate import REGIONS, STATED, certificate_numbers, model_errors
