@@ -1,5 +1,7 @@
 """Every public name of the package stands in an example of the page on Python, and the examples run."""
 
+import doctest
+import inspect
 import re
 import subprocess
 import sys
@@ -15,6 +17,7 @@ from tests.workflow.conftest import FEWER, moving, small_cell
 PAGE = Path(__file__).parents[1] / "docs" / "python.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 FROM_FILES, PLANNING, DESK = BLOCKS[1:]
+NAMES = tuple(n for n in planner.__all__ if n != "__version__")
 ONE_LINE = 200  # letters of what a value shows of itself
 __all__ = ["moving"]
 
@@ -32,8 +35,7 @@ def run_block(text, names):
 
 
 def test_every_public_name_stands_in_an_example():
-    words = set(re.findall(r"\w+", FROM_FILES + PLANNING + DESK))
-    assert {n for n in planner.__all__ if n != "__version__"} <= words
+    assert set(NAMES) <= set(re.findall(r"\w+", FROM_FILES + PLANNING + DESK))
 
 
 @pytest.mark.long
@@ -83,11 +85,32 @@ def test_the_examples_of_the_desk_run(moving, tmp_path, monkeypatch):
     assert made["spread"] > 0
 
 
+def example_of(name):
+    """The example of a public name in its docstring, as code."""
+    _, _, text = (inspect.getdoc(getattr(planner, name)) or "").partition("Example:")
+    return "\n".join(e.source.rstrip() for e in doctest.DocTestParser().get_examples(text))
+
+
+def test_every_public_name_has_an_example_in_its_docstring():
+    examples = {name: example_of(name) for name in NAMES}
+    assert [name for name, text in examples.items() if not text] == []
+    for name, text in examples.items():
+        kind = getattr(planner, name)
+        assert isinstance(kind, type) or re.search(rf"\b{name}\(", text), name
+
+
 @pytest.mark.long
-def test_a_type_checker_agrees_with_the_first_example(tmp_path):
-    path = tmp_path / "first.py"
-    path.write_text(BLOCKS[0])
-    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache", path]
+def test_a_type_checker_agrees_with_every_example(tmp_path):
+    """Those of the page and those of the docstrings, which name what they start from."""
+    known = f"import numpy as np\nfrom planner import {', '.join(NAMES)}\n"
+    given = "q: np.ndarray[tuple[int, int], np.dtype[np.float64]]\n"
+    for name, kind in (("found", "CalibrationResult"), ("session", "PlanResult"), ("runs", "list[Run]")):
+        given += f"{name}: {kind}\n"
+    texts = {f"page{k}": text for k, text in enumerate(BLOCKS)}
+    texts |= {f"doc_{name}": known + given + example_of(name) for name in NAMES}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache", *tmp_path.glob("*.py")]
     found = subprocess.run(command, cwd=PAGE.parents[1], capture_output=True, text=True, check=False)
-    assert "1 source file" in found.stdout, found.stderr
-    assert f"{path.name}:" not in found.stdout, found.stdout
+    assert f"{len(texts)} source files" in found.stdout, found.stderr
+    assert [line for line in found.stdout.splitlines() if line.startswith(str(tmp_path))] == []

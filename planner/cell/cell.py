@@ -10,7 +10,15 @@ from planner.common.errors import InputError
 
 @dataclass(frozen=True, repr=False)
 class Cell(Site):
-    """A site with its gauge."""
+    """A site with its gauge.
+
+    Attributes:
+        gauge: what is read, and its noise.
+
+    Example:
+        >>> cell = load_cell("comau-nj130/edbb")  # doctest: +SKIP
+        >>> cell.home + 0.1  # (N,) rad  # doctest: +SKIP
+    """
 
     gauge: Gauge = field(kw_only=True)
 

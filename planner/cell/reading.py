@@ -124,6 +124,9 @@ def load_cell(reference: str | Path, planning: bool = True) -> Cell:
 
     Raises:
         InputError: no such cell, or its file (or the robot's) is wrong.
+
+    Example:
+        >>> load_cell("comau-nj130/edbb").home  # (N,) rad  # doctest: +SKIP
     """
     reference = str(reference)
     path = Path(reference)

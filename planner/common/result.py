@@ -93,7 +93,13 @@ NOT_MEASURED = "SIMULATED: nobody has measured this robot; nothing here is true 
 
 
 class Result(ABC):
-    """What a command found; nothing is written before :meth:`write` is called."""
+    """What a command found; nothing is written before :meth:`write` is called.
+
+    Example:
+        >>> found = identify("run.csv", plan="session/plan.json")  # doctest: +SKIP
+        >>> print(found.summary(verbose=True))  # doctest: +SKIP
+        >>> found.to_json()  # doctest: +SKIP
+    """
 
     cut_short: tuple[str, ...] = ()
     """What a limit left undone."""

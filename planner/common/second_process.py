@@ -1,7 +1,7 @@
 """Work beside the caller's on another processor: a copy of this process does it and sends back what it returns.
 
-A copy (fork) needs neither imports nor pickled arguments, so work of a tenth of a second is worth one. It must not
-start parallel regions of OpenMP, whose threads are not copied; everything else of this program may be done in it.
+A copy (fork) needs neither imports nor pickled arguments, so work of a tenth of a second is worth one. Threads are not
+copied: a copy works on one processor, as it would wait for ever for those of OpenMP, and it must use no data frames.
 """
 
 import os
@@ -23,11 +23,13 @@ from planner.common.system import LOOK_S, kill_process
 A = TypeVar("A")
 T = TypeVar("T")
 ENDED = "a process that worked beside this one was ended from outside: is there memory enough?"
-_inside = False  # of a copy: it starts no further ones
+_inside = False  # of a copy: it starts no further ones, and no threads of OpenMP
 
 
 def available_threads() -> int:
-    """Return the number of processors that this process may use."""
+    """Return the number of processors that this process may use; a copy uses one."""
+    if _inside:
+        return 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
@@ -39,7 +41,7 @@ class ForkedTask(Generic[T]):
 
     def __init__(self, task: Callable[[], T]) -> None:
         self._task, self.pid, self._read = task, 0, -1
-        if sys.platform == "linux" and not _inside and available_threads() >= 2:
+        if sys.platform == "linux" and available_threads() >= 2:
             self._fork(task)
 
     def _fork(self, task: Callable[[], T]) -> None:

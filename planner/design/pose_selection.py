@@ -249,7 +249,7 @@ def describe_pruning(choice: PoseChoice) -> str:
     gap, bound = find_rule(choice.index).gap, choice.certificate.value
     reached = (("pruning", choice.on_grid_value), ("exchange", choice.pruning.exchanged))
     told = [f"{how} {value:#.4g} (gap {100 * gap(value, bound):.1f} %)" for how, value in reached]
-    return f"{', '.join(told)}, bound {bound:#.4g}"
+    return f"{', '.join(told)}, bound {bound:#.4g} in m, rad"
 
 
 def _likely_at_balls(rows: Array, ball: Positions, certificate: Certificate, n: int) -> Positions:

@@ -180,6 +180,10 @@ class Robot:
         unchecked_links: links of its URDF that no collision check knows: the name, and why.
         lacking_meshes: a sentence on each mesh of its URDF that is not there; its body is left out.
         hand_edits: what a person changed in the files of its calibration and fleet since edbb wrote them.
+
+    Example:
+        >>> robot = load_robot("comau-nj130")  # doctest: +SKIP
+        >>> robot.n_joints  # doctest: +SKIP
     """
 
     name: str

@@ -51,20 +51,20 @@ def load_robot(
 ) -> Robot:
     """Load a robot by shipped name, or by path to a ``robot.toml``, ``.urdf``, ``.xacro``, or ``.csv`` of DH rows.
 
-    Calibrations as makers write them are read too: ``calibration.conf`` of UR, and YAML of joint origins.
-
     Args:
-        reference: name or path.
+        reference: name or path; also of a maker's calibration: ``calibration.conf`` of UR, YAML of joint origins.
         beside: folder that a relative path starts from.
-        tip: last link of a URDF's chain; it goes before what the robot's file says.
+        tip, base: last and first link of a URDF's chain, all in the frame of the first; as ``parked``.
         beta: ``auto`` adds Hayati's parameter where neighbouring axes are near-parallel; ``none`` leaves it out.
         packages: folders of ROS packages that the cell names; they go before those that the robot's file names.
         parked: where the cell says that joints of the URDF stand, by name with unit; it goes before the robot's file.
-        base: first link of a URDF's chain, in whose frame everything is said; as ``tip``.
         force: load a calibrated robot, too, of which its identification says not to use it.
 
     Raises:
         InputError: no such robot, or its file is wrong, or says that nothing may be made of it.
+
+    Example:
+        >>> load_robot("arm.urdf", tip="flange")  # doctest: +SKIP
     """
     reference = str(reference)
     if shipped := _shipped_file(reference):

@@ -94,7 +94,7 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
             f"{expected[0].upper()}{expected[1:]}.",
             "No other choice of candidate poses can be better than that: it is proven.",
             *moved,
-            f"{choice.index}, the {rule.what}, is {digits(choice.value, 4)} here; it did not choose these poses.",
+            f"{choice.index}, the {rule.of_raw}, is {digits(choice.value, 4)} here; it did not choose these poses.",
         )
     pool = f"the {count_text(bound.candidates)} candidate poses"
     who = f"No {n} of {pool}" if bound.poses else f"No set of {pool}, however many it takes,"
@@ -108,7 +108,7 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
         if plan.by_index
         else f"The {n} here were not chosen by it, and have {digits(choice.on_grid_value, 4)}."
     )
-    out = [f"{who} {verb} a {rule.what} {'above' if rule.maximise else 'below'} {limit}.", own]
+    out = [f"{who} {verb} a {rule.of_raw} {'above' if rule.maximise else 'below'} {limit}.", own]
     if choice.pruning is not None:
         other = rule.gap(choice.pruning.exchanged, bound.value)
         out.append(
@@ -118,7 +118,7 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
     if plan.by_index and choice.value != choice.on_grid_value:
         off = plan.certificate
         sought = count_text(off.candidates - bound.candidates - n)
-        least = f"no {n} of the candidates, these and {sought} poses sought between them {verb} a {rule.what}"
+        least = f"no {n} of the candidates, these and {sought} poses sought between them {verb} a {rule.of_raw}"
         limit = f"{'above' if rule.maximise else 'below'} {bound_text(off.value, rule.maximise)}"
         apart = f"a gap of at most {percent_text(max(rule.gap(choice.value, off.value), 0.0))}"
         out.append(

@@ -58,7 +58,7 @@ def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
         limit = np.array([plan.certificate.value])
         series.append(Series("bound with its moved poses", np.array([n]), limit, GREY, "points"))
     # 40: letters of a label that stand beside an axis
-    label = f"{choice.index}, {rule.what}" if len(rule.what) < 40 else choice.index
+    label = f"{choice.index}, {rule.of_raw}" if len(rule.of_raw) < 40 else f"{choice.index} (m, rad)"
     every = np.concatenate([s.y for s in series])
     span = _span(every[np.isfinite(every)], 0.08, 1e-9)
     better = "higher" if rule.maximise else "lower"
@@ -68,7 +68,7 @@ def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
     return Chart(
         "index_curve",
         "How many poses are worth measuring",
-        f"{choice.index} ({rule.what}; {better} is better) of the best set found for each number of poses. "
+        f"{choice.index} ({rule.of_raw}; {better} is better) of the best set found for each number of poses. "
         "No set of the candidates can cross the dashed line; poses moved off the grid have a bound of their own. "
         f"The flatter the curve, the less a further pose brings.{more}",
         (Panel("", "number of poses", label, tuple(series), y_range=span),),

@@ -23,7 +23,7 @@ METHODS = (
     "the paper's own cell it uses O2. Minutes are of the drive with the bar, validation poses included. Processor "
     "time depends on the computer.",
 )
-METHOD_HEAD = ("cell", "method", "poses", "O2", "drive (min)", "support poses", "processor (s)")
+METHOD_HEAD = ("cell", "method", "poses", "O2 (m, rad)", "drive (min)", "support poses", "processor (s)")
 HEAD = ("where", "the paper says", "our command", "ours", "verdict, and why")
 
 

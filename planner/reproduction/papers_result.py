@@ -17,7 +17,11 @@ from planner.reproduction.rows import Numbers, count_verdicts, rows_of
 
 @dataclass(frozen=True)
 class PapersResult(FolderResult):
-    """Every statement of the papers beside ours; ``numbers`` by group and name."""
+    """Every statement of the papers beside ours; ``numbers`` by group and name.
+
+    Example:
+        >>> papers(quick=True).numbers["model"]  # doctest: +SKIP
+    """
 
     main_file = "numbers.json"
     numbers: Numbers
@@ -56,5 +60,8 @@ def papers(asked: PapersCall) -> PapersResult:
 
     Raises:
         MissingProgramError: a package of planning is not installed.
+
+    Example:
+        >>> papers(quick=True).write("papers")  # doctest: +SKIP
     """
     return PapersResult(compute_numbers(Stages(asked.progress), asked.quick))

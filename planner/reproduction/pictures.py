@@ -39,7 +39,7 @@ def _pruning(left: Axes, right: Axes, plan: Group) -> None:
     right.text(plan["knee"] + 3, max(plan["curve"]), f"{plan['knee']} poses", va="top", fontsize=8)
     left.axvline(35, color=GREY, linestyle="--", linewidth=1)
     left.text(38, max(plan["curve"]), "optimum near 35 poses\n(no values in the text)", va="top", fontsize=8)
-    left.set(xlabel="poses", ylabel="condition number O2", xlim=(15, 200))
+    left.set(xlabel="poses", ylabel="condition number O2 (m, rad)", xlim=(15, 200))
     right.set(xlabel="poses", xlim=(15, 200))
 
 

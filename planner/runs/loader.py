@@ -42,6 +42,9 @@ def load_run(path: Path | str, n_joints: int = 6, axes_of: AxesOf | None = None)
 
     Raises:
         InputError: with file, line and column of the first thing that is wrong.
+
+    Example:
+        >>> load_run("run.csv").readings.length  # (n,) m, of a bar or wire  # doctest: +SKIP
     """
     return run_of(in_model_axes(read_table(Path(path), n_joints), axes_of), n_joints)
 

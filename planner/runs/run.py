@@ -152,6 +152,11 @@ class Run:
         simulated: whether its comment lines say so.
         slides: numbers, from 1, of the joints that slide.
         turns_as: how ``readings.turns`` turn the probe (:mod:`planner.runs.probe_turns`), empty where nothing says it.
+
+    Example:
+        >>> run = load_run("run.csv")  # doctest: +SKIP
+        >>> run.samples.q  # (n, N) rad  # doctest: +SKIP
+        >>> run.readings.length  # (n,) m, of a bar or wire  # doctest: +SKIP
     """
 
     name: str

@@ -253,7 +253,7 @@ def _what_it_tells(plan: PlanDocument) -> list[tuple[str, str]]:
         value, bound = _digits(seen.indices().get(seen.index)), _digits(seen.bound)
         way = "larger" if find_rule(seen.index).maximise else "smaller"
         text = f"{value} ({way} is better); no choice of as many poses has better than {bound}"
-        rows.append((f"index {seen.index}", text))
+        rows.append((f"index {seen.index} in m, rad", text))
     if plan.foresight is not None and plan.foresight.error_mm is not None:
         rows.append(("error to be expected", f"{_digits(plan.foresight.error_mm)} mm"))
     return rows

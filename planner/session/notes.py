@@ -155,8 +155,8 @@ def _index_notes(separation: Discrimination, choice: PoseChoice) -> tuple[str, .
         return ()
     return (
         f"these poses see the robot's own parameters {times:.1f} times worse than poses chosen by {choice.index} alone "
-        f"({choice.index} {choice.value:.4g} instead of {separation.alone:.4g}): identify their run together with the "
-        "one before",
+        f"({choice.index} {choice.value:.4g} instead of {separation.alone:.4g} in m, rad): identify their run "
+        "together with the one before",
     )
 
 

@@ -47,7 +47,15 @@ FILES = (
 
 @dataclass(frozen=True)
 class StudyResult(FolderResult):
-    """What can be seen in a cell."""
+    """What can be seen in a cell.
+
+    Attributes:
+        findings: curve over the number of poses, places of fixtures, remedies, unseen directions.
+
+    Example:
+        >>> seen = study("comau-nj130/edbb")  # doctest: +SKIP
+        >>> print(seen.summary())  # doctest: +SKIP
+    """
 
     main_file = "study.json"
 
@@ -114,6 +122,9 @@ def study(asked: StudyCall) -> StudyResult:
         InputError: unknown index.
         NoSolutionError: no candidate pose passes the filters, or too few do.
         MissingProgramError: a package of planning is not installed.
+
+    Example:
+        >>> study("comau-nj130/edbb").write("study")  # doctest: +SKIP
     """
     require_planning_packages()
     cell = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell))

@@ -51,6 +51,10 @@ class Observability:
         jacobian: change of each reading by each parameter, (n, r, P) [m or rad per unit of the parameter].
         noise: standard deviation of each reading, (n,) [m or rad], the robot's repeatability included.
         seen: which parameters the readings tell apart, and why the others are left out.
+
+    Example:
+        >>> seen = observability("comau-nj130/edbb", q)  # q (n, 6) rad  # doctest: +SKIP
+        >>> seen.jacobian.shape  # (n, 1, P) for a bar  # doctest: +SKIP
     """
 
     cell: Cell
@@ -276,6 +280,11 @@ class SelectedPoses:
         samples: the chosen poses; ``q`` (n, N) [rad] of them.
         value: the index of them, raw (m, rad), over the identifiable parameters.
         certificate: no set of as many candidates is better than its value.
+
+    Example:
+        >>> chosen = select("comau-nj130/edbb", 40, "O1")  # doctest: +SKIP
+        >>> chosen.q.shape  # (40, 6)  # doctest: +SKIP
+        >>> chosen.observability().d_efficiency()  # doctest: +SKIP
     """
 
     cell: Cell
@@ -305,7 +314,7 @@ class SelectedPoses:
 
     def __repr__(self) -> str:
         """Say how good they are."""
-        return f"<SelectedPoses: {len(self.q)} poses, {self.index} {self.value:.4g}, bound {self.bound:.4g}>"
+        return f"<SelectedPoses: {len(self.q)} poses, {self.index} {self.value:.4g} in m, rad, bound {self.bound:.4g}>"
 
 
 @on_one_thread

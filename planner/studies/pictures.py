@@ -99,7 +99,8 @@ def _curve(curve: BoundedCurve) -> Panel:
         Series("selected", sizes, curve.values, BLUE),
         Series("bend", np.array([float(curve.knee)]), np.array([curve.at_knee]), RED, "points", size=9.0),
     )
-    title, label = f"{curve.index} {curve.scaling}", f"poses; {best} is better, bends at {curve.knee}"
+    title = f"{curve.index} {curve.scaling}{'' if curve.scaled else ' (m, rad)'}"
+    label = f"poses; {best} is better, bends at {curve.knee}"
     return Panel(title, label, "", series, log_x=True, height=170)
 
 

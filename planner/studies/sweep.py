@@ -24,6 +24,7 @@ from planner.common.notebook import shown_progress
 from planner.common.progress import Progress
 from planner.common.result import Result
 from planner.common.schema import read_toml, validate
+from planner.common.second_process import map_in_copies
 from planner.common.summary import Summary
 from planner.motion.planning_packages import require_planning_packages
 from planner.studies.sweep_comparison import compare_neighbours
@@ -42,6 +43,10 @@ class SweepResult(Result):
             the workspace ``nominal_mm``, ``geometry_mm``, ``posterior_mm``, and ``because``.
         axes: names of the columns that tell the points apart.
         points: how many there are; ``known``: of how many the parts were there already.
+
+    Example:
+        >>> found = sweep("SWEEP.toml", "out")  # doctest: +SKIP
+        >>> found.figures.select("poses", "posterior_mm", "posterior_se_mm")  # doctest: +SKIP
     """
 
     table: pl.DataFrame
@@ -135,8 +140,8 @@ def sweep(
         MissingProgramError: Dask is not installed, or nobody answers at the address.
 
     Example:
-        >>> noise = {"cells": ["ur10/edbb"], "poses": [40], "axes": {"gauge.noise_um": [2, 10, 50]}}
-        >>> sweep(noise, trials=50).figures  # doctest: +SKIP
+        >>> noise = {"cells": ["ur10/edbb"], "poses": [40], "trials": 50, "axes": {"gauge.noise_um": [2, 10, 50]}}
+        >>> sweep(noise).figures  # doctest: +SKIP
     """
     require_planning_packages()
     where = "the sweep" if isinstance(wanted, Mapping) else str(wanted)
@@ -254,8 +259,8 @@ def compute(
         MissingProgramError: Dask is not installed, or nobody answers at the address.
     """
     if scheduler is None or not tasks:
-        for task in tasks:  # each is drawn on all processors; a copy of this process could not begin such a region
-            yield task, run_task(task).table()
+        for task, found in zip(tasks, map_in_copies(run_task, tasks), strict=True):
+            yield task, found.table()
         return
     try:
         from distributed import Scheduler, as_completed

@@ -44,7 +44,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CheckPlanResult(PlanResult):
-    """A planned check, with what it will tell, and the calibration that it is judged by."""
+    """A planned check, with what it will tell, and the calibration that it is judged by.
+
+    Attributes:
+        forecast: from which size on the check shows each change.
+        model: the folder of the calibrated robot.
+
+    Example:
+        >>> planned = plan_check("session/cell.toml", model="calibrated")  # doctest: +SKIP
+        >>> planned.write("check")  # doctest: +SKIP
+    """
 
     forecast: CheckForecast = field(kw_only=True)
     model: Path | str = field(kw_only=True)
@@ -72,7 +81,16 @@ class CheckPlanResult(PlanResult):
 
 @dataclass(frozen=True)
 class CheckResult(FolderResult):
-    """What a check found."""
+    """What a check found.
+
+    Attributes:
+        cell: where it was measured.
+        verdict: whether the robot has changed, where, and what is to be done.
+        simulated: whether nobody measured the run.
+
+    Example:
+        >>> check("check.csv", model="calibrated", plan="check/plan.json").verdict.cause  # doctest: +SKIP
+    """
 
     main_file = "check.json"
     cell: Cell
@@ -117,6 +135,9 @@ def plan_check(asked: PlanCheckCall) -> CheckPlanResult:
         InputError: a file is wrong, or cell and model do not belong together.
         NoSolutionError: a stage has no solution.
         MissingProgramError: a package of planning is not installed.
+
+    Example:
+        >>> plan_check("session/cell.toml", model="calibrated").write("check")  # doctest: +SKIP
     """
     require_planning_packages()
     where, stages = load_cell(str(asked.cell)), Stages(asked.progress)
@@ -161,6 +182,9 @@ def check(asked: CheckCall) -> CheckResult:
 
     Raises:
         InputError: a file is wrong, or run, plan, cell and model do not belong together.
+
+    Example:
+        >>> check("check.csv", model="calibrated", plan="check/plan.json")  # doctest: +SKIP
     """
     plan, limit_mm = asked.plan, asked.limit_mm
     stages = Stages(asked.progress)

@@ -27,7 +27,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CircularPlanResult(SessionResult):
-    """A planned circular test."""
+    """A planned circular test.
+
+    Attributes:
+        plan: circles, drives and programs.
+
+    Example:
+        >>> plan("comau-nj130/circular").write("circles")  # doctest: +SKIP
+    """
 
     kind = "circular"
     one_clock = True

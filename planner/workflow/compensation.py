@@ -59,6 +59,9 @@ class CompensationResult(Result):
         warnings: what a person should know of the tools that were named, or that the program says.
         simulated: whether nobody measured the robot that it is corrected for.
         model_edits: what a person changed in the model since edbb wrote it.
+
+    Example:
+        >>> compensate("program.src", model="calibrated").write("corrected.src")  # doctest: +SKIP
     """
 
     file: CompensatedFile
@@ -180,6 +183,9 @@ def compensate(asked: CompensateCall) -> CompensationResult:
             corrected before, or belongs to a measuring plan.
         NoSolutionError: no target has a fake target near the nominal one, most are out of the robot's reach, or the
             corrected robot is expected to be worse than the nominal one.
+
+    Example:
+        >>> compensate("program.src", model="calibrated").write("corrected.src")  # doctest: +SKIP
     """
     found = _find_model(asked.model, asked.force)
     robot, known, mark = found.robot, found.known, found.mark

@@ -18,7 +18,14 @@ from planner.workflow.fleet_robots import Fleet, read_robots
 
 @dataclass(frozen=True, repr=False)
 class FleetResult(Result):
-    """The sizes of a fleet's errors; ``write`` takes the path of ``fleet.toml``."""
+    """The sizes of a fleet's errors; ``write`` takes the path of ``fleet.toml``.
+
+    Attributes:
+        fleet: size of each error of this kind of robot [m or rad], with its uncertainty.
+
+    Example:
+        >>> fleet(["calibrated", "other"]).write("fleet.toml")  # doctest: +SKIP
+    """
 
     fleet: Fleet
 
@@ -85,5 +92,8 @@ def fleet(records: Sequence[Path | str]) -> FleetResult:
 
     Raises:
         InputError: one robot alone, robots of several kinds, or a folder that is neither.
+
+    Example:
+        >>> fleet(["calibrated", "other"]).write("fleet.toml")  # doctest: +SKIP
     """
     return FleetResult(read_robots([Path(r) for r in records]))

@@ -1,23 +1,21 @@
 """``identify()``: from the log of a run to a calibrated robot, and its folder."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from planner.accuracy.precision import check_mastering
-from planner.accuracy.tracker_nests import compare_nest_distances
 from planner.cell.cell import Cell
-from planner.cell.fleet_file import read_fleet, with_fleet
+from planner.cell.fleet_file import read_fleet
 from planner.common.calls import called_with
 from planner.common.console import as_word
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
-from planner.common.result import FolderResult, Plot, Result
+from planner.common.result import FolderResult, Plot
 from planner.common.summary import Summary
 from planner.common.tables import NamedTable, Row, RowTable
 from planner.common.units import from_mm
@@ -34,35 +32,21 @@ from planner.documents.expected_error import (
     expected_error_text,
 )
 from planner.documents.residual_table import residuals_csv
-from planner.fit.run_setup import drop_unreadable, number_samples
 from planner.identification.fleet_fit import RobotErrors, misfits_of
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
-from planner.kinematics.robot import Robot
 from planner.model.finding import Finding
 from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Stage
-from planner.model.own_priors import with_priors
 from planner.next_session.more_poses import foresee_more_poses, minutes_a_pose
 from planner.release.suitability import judge_use
-from planner.runs.loader import load_runs
-from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
-from planner.session.document import PlanDocument, read_plan
-from planner.simulation.simulated_run import SimulatedRun
 from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
 from planner.workflow.fit_access import FitAccess
 from planner.workflow.fit_overview import fit_overview, is_hardly_better
 from planner.workflow.identify_call import IdentifyCall
-from planner.workflow.joint_runs import RunSource, are_sessions, load_planned_sessions, run_sources, single_value
-from planner.workflow.run_checks import cell_of_run, check_unit, settle_angles, split_by_plan
+from planner.workflow.measured_runs import MeasuredRuns, read_measured_runs
 from planner.workflow.separable_findings import can_be_told_apart
-
-if TYPE_CHECKING:
-    from planner.workflow.plan_results import PlanResult
-
-Runs = Run | Path | str | Sequence[Path | str]
-"""One run or several, loaded or by path."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +58,11 @@ class CalibrationResult(FitAccess, FolderResult):
         cell: where it was measured.
         timing: seconds that each step took.
         errors_content: what ``expected_error.json`` says, where it was made already.
+
+    Example:
+        >>> found = identify("run.csv", plan="session/plan.json")  # doctest: +SKIP
+        >>> found.parameters["theta2"].std  # rad  # doctest: +SKIP
+        >>> found.write("calibrated")  # doctest: +SKIP
     """
 
     main_file = "identification.json"
@@ -246,34 +235,27 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
     Raises:
         InputError: a file is wrong, or run, cell and plan do not belong together.
         NoSolutionError: the fit does not come to rest.
+
+    Example:
+        >>> found = identify("run.csv", plan="session/plan.json")  # doctest: +SKIP
+        >>> found.parameters.to_frame()  # doctest: +SKIP
     """
-    stages = Stages(asked.progress)
+    return fit_runs(read_measured_runs(asked))
+
+
+def fit_runs(measured: MeasuredRuns) -> CalibrationResult:
+    """Identify the robot of runs that were read.
+
+    Raises:
+        InputError: run and cell do not belong together.
+        NoSolutionError: the fit does not come to rest.
+    """
+    asked, stages = measured.asked, measured.stages
     settings = FitSettings(asked.hold_out, asked.seed, asked.geometry, asked.release, asked.most_causes)
-    measured = asked.runs.run if isinstance(asked.runs, Result) else asked.runs
-    if not isinstance(measured, Run | Path | str):
-        sources = run_sources(measured, asked.cell, asked.plan)
-        if are_sessions(sources, asked.cell, asked.plan):
-            return _identify_sessions(sources, stages, asked, settings)
-    cell, plan = single_value(asked.cell, "--cell"), _plan_of_poses(single_value(asked.plan, "--plan"))
-    where = with_priors(with_fleet(_cell_of(cell, plan), asked.fleet), asked.priors)
-    found = identify_runs(measured, where, stages, plan, asked.validate, settings, tracing=asked.traces)
-    return _result(found, where, asked, stages)
-
-
-def _identify_sessions(
-    sources: Sequence[RunSource], stages: Stages, asked: IdentifyCall, settings: FitSettings
-) -> CalibrationResult:
-    """Identify the robot of several sessions, each with its own fixtures and gauge."""
-    with stages.stage("reading"):
-        run, cell, kept_out, plans = load_planned_sessions(sources)
-        cell = with_priors(with_fleet(cell, asked.fleet), asked.priors)
-        judge = asked.validate
-        other = kept_out if judge is None else drop_unreadable(cell, load_any(judge, cell.robot))
     with stages.stage("identification"):
-        tracer = trace if asked.traces else None
-        found = fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), tracer)
-    foreseen = tuple(() if plan is None else _foreseen_errors(plan) for plan in plans)
-    return _result(found.model_copy(update={"planned_errors": foreseen}), cell, asked, stages)
+        tracer, known = trace if asked.traces else None, (measured.run, measured.cell, measured.validation)
+        found = fit_and_trace(*known, settings, lambda s: stages.say(s, 0, 0), tracer)
+    return _result(found.model_copy(update={"planned_errors": measured.foreseen}), measured.cell, asked, stages)
 
 
 def _result(found: Calibration, cell: Cell, asked: IdentifyCall, stages: Stages) -> CalibrationResult:
@@ -306,94 +288,3 @@ def _with_use(found: Calibration, cell: Cell, asked_mm: float | None) -> Calibra
     asked = None if tolerance is None else float(from_mm(tolerance))
     use = judge_use(found.released, cell.robot.repeatability, asked, cell.robot.repeatability_assumed)
     return found.model_copy(update={"good_for": use, "use": None if tolerance is None else use})
-
-
-def _plan_of_poses(plan: object) -> "PlanResult | Path | str | None":
-    """Return the plan that was measured; one of another kind, or of poses alone, is evaluated elsewhere.
-
-    Raises:
-        InputError: it is no plan of poses.
-    """
-    from planner.workflow.plan_results import PlanResult
-
-    if plan is None or isinstance(plan, PlanResult | Path | str):
-        return plan
-    raise InputError(f"plan: a plan of poses, or the path of its plan.json, is needed, not a {type(plan).__name__}")
-
-
-def _cell_of(cell: Cell | Path | str | None, plan: "PlanResult | Path | str | None") -> Cell:
-    """Return the cell that is given, else that of the plan, read or not.
-
-    Raises:
-        InputError: neither is given, or the file is wrong.
-    """
-    if plan is None or isinstance(plan, Path | str):
-        return cell_of_run(cell, plan)
-    return cell_of_run(plan.plan.cell if cell is None else cell, None)
-
-
-def load_any(runs: Runs, robot: Robot) -> Run:
-    """Return one run: the one that is given, or that of the files that are given; angles within the joints' limits."""
-    if not isinstance(runs, Run):
-        paths = [Path(runs)] if isinstance(runs, Path | str) else [Path(r) for r in runs]
-        runs = load_runs(paths, robot.n_joints, robot.axes_of)
-    return settle_angles(runs, robot)
-
-
-def identify_runs(
-    runs: Runs,
-    cell: Cell,
-    stages: Stages,
-    plan: "PlanResult | Path | str | None" = None,
-    validate: Run | Path | str | None = None,
-    settings: FitSettings | None = None,
-    tracing: bool = True,
-) -> Calibration:
-    """Identify the robot of one or more measured runs.
-
-    With ``tracing`` what the geometry leaves is traced to its causes. With a plan its validation poses are kept out of
-    the fit and judged, unless ``validate`` names a run for that.
-
-    Raises:
-        InputError: a file is wrong, or run, cell and plan do not belong together.
-        NoSolutionError: the fit does not come to rest.
-    """
-    foreseen: tuple[float, ...] = ()
-    with stages.stage("reading"):
-        run = _with_reference_warnings(cell, load_any(runs, cell.robot), runs)
-        other = None if validate is None else load_any(validate, cell.robot)
-        if plan is not None:
-            path = Path(plan) if isinstance(plan, Path | str) else Path("plan.json")
-            document = read_plan(path, "drives") if isinstance(plan, Path | str) else plan.document()
-            run, kept_out = split_by_plan(number_samples(run), path, document, cell)
-            run = replace(run, plan_id=document.plan_id)
-            other, foreseen = other or kept_out, _foreseen_errors(document)
-        for each in (run, other):
-            if each is not None:
-                check_unit(each, cell)
-        run, other = drop_unreadable(cell, run), None if other is None else drop_unreadable(cell, other)
-        if other is not None:  # what was cut out of the poses kept apart is said as what was cut out of the others
-            run = replace(run, warnings=tuple(dict.fromkeys((*run.warnings, *other.warnings))))
-    with stages.stage("identification"):
-        found = fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), trace if tracing else None)
-    return found.model_copy(update={"planned_errors": (foreseen,)}) if foreseen else found
-
-
-def _foreseen_errors(document: PlanDocument) -> tuple[float, ...]:
-    """Return the error that a plan has foreseen after each pose [m]; empty where it has foreseen none."""
-    after = () if document.foresight is None else document.foresight.after_mm
-    return () if any(v is None for v in after) else tuple(float(from_mm(v)) for v in after if v is not None)
-
-
-def _with_reference_warnings(cell: Cell, run: Run, source: Runs) -> Run:
-    """Return the run, warned where indicators at the master ball, or nests, were not read as they should."""
-    if cell.gauge.mastered_reading(cell) is None and not cell.nests:
-        return run
-    if isinstance(source, Run):
-        readings = [source.beside] if isinstance(source, SimulatedRun) else []
-    else:
-        paths = [source] if isinstance(source, Path | str) else source
-        readings = [read_reference_readings(Path(path)) for path in paths]
-    checks = [m for m in (check_mastering(cell, r) for r in readings) if m is not None and not m.good]
-    scales = (compare_nest_distances(cell, r) for r in readings or (NO_REFERENCE_READINGS,))
-    return replace(run, warnings=(*run.warnings, *(m.text() for m in checks), *(s for s in scales if s)))

@@ -5,11 +5,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from planner.common.calls import called_with
 from planner.common.notebook import shown_progress
-from planner.common.progress import Progress
+from planner.common.progress import Progress, no_progress
 from planner.common.second_process import map_in_copies
 from planner.runs.run import Run
-from planner.workflow.identification import CalibrationResult, identify
+from planner.workflow.identification import CalibrationResult, fit_runs
+from planner.workflow.identify_call import IdentifyCall
+from planner.workflow.measured_runs import read_measured_runs
 from planner.workflow.plan_results import SimulationResult
 from planner.workflow.plan_use import simulate
 
@@ -80,12 +83,9 @@ def identify_many(
         >>> fits = identify_many(runs, plan="session/plan.json")  # doctest: +SKIP
         >>> np.std([fit.values for fit in fits], axis=0)  # doctest: +SKIP
     """
-    one = partial(identify, release=release, no_trace=no_trace, progress=_silent, **options)
-    return _each(one, list(runs), "identified runs", processes, progress)
-
-
-def _silent(stage: str, done: int, of: int) -> None:
-    """Say nothing of one of many."""
+    read = partial(called_with(IdentifyCall)(read_measured_runs), release=release, no_trace=no_trace, **options)
+    # files are read here: data frames hang in a copy
+    return _each(fit_runs, [read(run, progress=no_progress) for run in runs], "identified runs", processes, progress)
 
 
 def _each(

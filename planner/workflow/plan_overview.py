@@ -78,10 +78,10 @@ def _index_facts(plan: Plan) -> Iterator[Fact]:
         yield choice.index, told
         return
     if not plan.by_index:
-        yield choice.index, f"{choice.value:#.4g}, {rule.what}; it did not choose the poses"
+        yield choice.index, f"{choice.value:#.4g}, {rule.of_raw}; it did not choose the poses"
         return
     gap = 100 * max(rule.gap(choice.value, bound.value), 0.0)
-    yield choice.index, f"{choice.value:#.4g}; at most {gap:.1f} % from the best possible"
+    yield choice.index, f"{choice.value:#.4g} in m, rad; at most {gap:.1f} % from the best possible"
 
 
 def _unseen_facts(dropped: Sequence[DroppedParameter], seen: int) -> Iterator[Fact]:
@@ -100,7 +100,7 @@ def _details(plan: Plan, said: Sequence[str]) -> Iterator[Fact]:
         yield "expected", describe_bayesian_design(expected)
         yield from (("", _number_text(f)) for f in expected.by_number)
         yield "all poses", f"{float(to_mm(expected.floor)):.3f} mm would be left by all candidates together"
-    yield choice.index, INDEX_RULES[choice.index].what
+    yield choice.index, INDEX_RULES[choice.index].of_raw
     yield choice.index, _proof_text(plan)
     tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
     shortest = "proven shortest" if all(d.tour.optimal for d in drives) else "not proven shortest"
@@ -131,7 +131,10 @@ def unproven_overview(found: UnprovenPoses) -> Summary:
         f"{found.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, no path proven, no program",
         [
             ("not proven", found.why),
-            (choice.index, f"{choice.value:#.4g}; no set of these {passes} {bound.value:#.4g}, gap {gap:.1f} %"),
+            (
+                choice.index,
+                f"{choice.value:#.4g} in m, rad; no set of these {passes} {bound.value:#.4g}, gap {gap:.1f} %",
+            ),
         ],
         [("candidates", found.pool.funnel.text())],
         found.notes,

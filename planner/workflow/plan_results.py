@@ -75,7 +75,17 @@ class SessionResult(FolderResult):
 
 @dataclass(frozen=True)
 class PlanResult(SessionResult):
-    """A planned session of poses."""
+    """A planned session of poses.
+
+    Attributes:
+        plan: poses ``choice.q`` (n, N) [rad], indices, certificate, drives and programs.
+        stages: seconds of each step.
+
+    Example:
+        >>> session = plan("comau-nj130/edbb", poses=60)  # doctest: +SKIP
+        >>> session.plan.choice.q.shape  # (60, 6), rad  # doctest: +SKIP
+        >>> session.write("session")  # doctest: +SKIP
+    """
 
     plan: Plan
 
@@ -174,7 +184,16 @@ class PosesResult(FolderResult):
 
 @dataclass(frozen=True)
 class SimulationResult(Result):
-    """A run that nobody measured; the errors behind it stand in its comments."""
+    """A run that nobody measured; the errors behind it stand in its comments.
+
+    Attributes:
+        run: as one that was measured; ``run.truth`` has its errors as keys of ``TRUTH.toml``.
+
+    Example:
+        >>> made = simulate("session/plan.json", seed=3)  # doctest: +SKIP
+        >>> made.run.readings.length  # (n,) m  # doctest: +SKIP
+        >>> made.write("run.csv")  # doctest: +SKIP
+    """
 
     run: SimulatedRun
 
@@ -210,7 +229,15 @@ class SimulationResult(Result):
 
 @dataclass(frozen=True)
 class ExportResult:
-    """A robot program: the file that starts it, and those that it needs beside it."""
+    """A robot program: the file that starts it, and those that it needs beside it.
+
+    Attributes:
+        programs: name and text of each file.
+        notes: what a person should know.
+
+    Example:
+        >>> export("session/plan.json", dialect="rapid").write("session.mod")  # doctest: +SKIP
+    """
 
     programs: tuple[ProgramFile, ...]
     notes: tuple[str, ...] = ()

@@ -50,6 +50,9 @@ def export(asked: ExportCall) -> ExportResult:
             controller whose axes the robot's file does not describe.
         NoSolutionError: its drive is not proven.
         MissingProgramError: no collision engine is installed here, and it is not what was proven when it was planned.
+
+    Example:
+        >>> export("session/plan.json", dialect="rapid").write("session.mod")  # doctest: +SKIP
     """
     path, dialect, name = Path(asked.plan), asked.dialect, asked.name
     form = driven_form(dialect)
@@ -72,6 +75,9 @@ def simulate(asked: SimulateCall) -> SimulationResult:
 
     Raises:
         InputError: no plan, no cell beside it, the two do not belong together, or a truth that is wrong.
+
+    Example:
+        >>> simulate("session/plan.json", truth={"theta2_deg": 0.1}, seed=3).run  # doctest: +SKIP
     """
     plan, truth, change, seed = asked.plan, asked.truth, asked.change, asked.seed
     drawn = truth is None

@@ -41,6 +41,9 @@ def plan(asked: PlanCall) -> PlanResult | PosesResult | SessionResult:
         InputError: the cell or an argument is wrong.
         NoSolutionError: a stage has no solution; the message says which.
         MissingProgramError: a package of planning is not installed.
+
+    Example:
+        >>> plan("comau-nj130/edbb", poses=60).write("session")  # doctest: +SKIP
     """
     require_planning_packages()
     limit = UNLIMITED if asked.time_limit_s is None else TimeLimit(asked.time_limit_s)

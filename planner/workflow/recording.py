@@ -104,6 +104,9 @@ def record(
 
     Raises:
         InputError: there is no record, or what is to be added does not belong to it.
+
+    Example:
+        >>> record("history", add="calibrated", serial="NJ-1")  # doctest: +SKIP
     """
     if withdraw is not None:
         if add is not None:

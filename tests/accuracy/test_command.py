@@ -8,13 +8,9 @@ import polars as pl
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.common.progress import Stages
-from planner.identification.pipeline import FitSettings
-from planner.workflow.identification import identify_runs
+from planner.workflow.identification import identify
 from tests.accuracy.worlds import NAME, calibrated, poses, tracker_run, world
 from tests.workflow.test_identify import edbb
-
-STAGES = FitSettings(release=False)
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +121,7 @@ def test_indicators_that_were_set_wrongly_are_told_where_their_run_is_identified
     for name, shown in (("well", "6.350, 6.351, 6.350"), ("wrongly", "6.350, 6.500, 6.350")):
         (folder / f"{name}.csv").write_text(f"# master_mm: {shown}\n{text}")
         cell = load_cell(f"{NAME}/trical")
-        found = identify_runs(folder / f"{name}.csv", cell, Stages(), settings=STAGES, tracing=False)
+        found = identify(folder / f"{name}.csv", cell=cell, release=False, no_trace=True)
         said[name] = found.content()["warnings"]
     assert not any("from 6.350 mm" in w for w in said["well"])
     assert any("at most 150.0 µm from 6.350 mm" in w for w in said["wrongly"])

@@ -7,13 +7,12 @@ import pytest
 
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
-from planner.common.progress import Stages
 from planner.common.units import DEG
 from planner.documents.baseline import Baseline
 from planner.runs.loader import load_runs
 from planner.runs.run import Readings, Run, Samples
 from planner.runs.writer import save_run
-from planner.workflow.identification import identify_runs
+from planner.workflow.identification import identify
 from tests.checks.fleet import NAME
 from tests.command import edbb
 from tests.identification.worlds import arm_of
@@ -54,7 +53,7 @@ def test_a_calibrated_robot_passes_and_one_that_lost_a_zero_is_mastered_again(tm
 
 def _predicts_what_the_posterior_does(baseline, run, cell):
     """Readings and their uncertainty by the file against those by the fit in memory."""
-    found = identify_runs(run, load_cell(str(cell), planning=False), Stages(), tracing=False)
+    found = identify(run, cell=str(cell), no_trace=True).calibration
     fit = found.released.posterior.fit
     at = Samples(fit.problem.samples.q, fit.problem.samples.place, direction=fit.problem.samples.direction)
     known = baseline.restrict_to_samples(at)

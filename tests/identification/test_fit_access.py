@@ -13,6 +13,7 @@ from planner import frame_of_run, identify, identify_many, run_of_frame, simulat
 from planner.common.errors import InputError, MissingProgramError
 from planner.fit.influence import Influence, _Linear
 from planner.fit.least_squares import solve
+from planner.runs.writer import save_run
 from planner.workflow.plan_results import PosesResult
 from tests.simulation.made import cell_in, wide_plan
 
@@ -144,6 +145,17 @@ def test_draws_scatter_as_the_covariance_says_and_go_to_arviz(fits, monkeypatch)
         found.to_arviz()
 
 
+def test_arviz_has_the_draws_and_counts_them_as_one_chain(fits):
+    arviz = pytest.importorskip("arviz", minversion="0.20")
+    found = fits[0]
+    made = found.to_arviz()
+    table = arviz.summary(made, round_to="none")
+    assert tuple(table.index) == found.names
+    np.testing.assert_allclose(table["mean"].astype(float), [d.mean() for d in found.draws.values()], rtol=1e-6)
+    assert made["posterior"][found.names[0]].dims == ("chain", "draw")
+    np.testing.assert_array_equal(made["observed_data"]["residual"], found.influence.residual)
+
+
 def test_many_runs_are_those_of_one_by_one_with_progress(plan, cell):
     said = []
     runs = simulate_many(plan, [4, 5], processes=2, progress=lambda *step: said.append(step))
@@ -152,6 +164,19 @@ def test_many_runs_are_those_of_one_by_one_with_progress(plan, cell):
     many = identify_many([r.run for r in runs], cell=cell)
     assert [f.calibration.released for f in many] == [None, None]
     assert not np.array_equal(many[0].values, many[1].values)
+
+
+def test_many_files_are_read_and_identified_after_data_frames_were_used(plan, cell, tmp_path):
+    """A copy of a process that has used data frames would wait for ever for their threads."""
+    runs = [made.run for made in simulate_many(plan, [4, 5])]
+    assert frame_of_run(runs[0]).select(pl.all().len()).height == 1
+    paths = [tmp_path / f"{k}.csv" for k in range(2)]
+    for run, path in zip(runs, paths, strict=True):
+        save_run(run, path)
+    many = identify_many(paths, cell=cell, validate=str(paths[0]))
+    for found, run in zip(many, runs, strict=True):
+        np.testing.assert_allclose(found.values, identify_many([run], cell=cell, processes=1)[0].values, atol=1e-6)
+    assert simulate_many(plan, [1], truth=str(paths[0]))[0].run.truth == simulate(plan, truth=paths[0]).run.truth
 
 
 def test_a_truth_may_be_a_mapping_and_priors_too(plan, cell):

@@ -35,7 +35,7 @@ from planner.model.model import Model
 from planner.release.nameless_rivals import with_nameless_rivals
 from planner.runs.run import Samples
 from planner.tracing.trace import trace
-from planner.workflow.identification import load_any
+from planner.workflow.measured_runs import load_any
 from tests.blind.trial import identified
 from tests.blind.workspace import difference, released_tool, states_anywhere, true_tool
 from tests.independent_arms.arm import make_arm

@@ -12,7 +12,6 @@ import tests.loaded.shared as shared
 import tests.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.common.progress import Stages
-from planner.identification.pipeline import FitSettings
 from planner.loaded.evaluation import compare_with_tracker
 from planner.loaded.joint_fit import averaged_run, averages_noise, fit_jointly
 from planner.report.loaded_report import loaded_charts
@@ -20,7 +19,7 @@ from planner.runs.loader import load_runs
 from planner.runs.run import Readings, Run, Samples
 from planner.runs.writer import save_run
 from planner.workflow.circle_evaluation import evaluate_loaded
-from planner.workflow.identification import identify_runs
+from planner.workflow.identification import identify
 
 E, E_TRUE = np.array([1.3, 0.9, 0.9]), np.array([1.301, 0.8995, 0.9007])
 
@@ -140,8 +139,7 @@ def test_the_averaged_run_goes_into_any_fit(done, folder, tmp_path):
     assert set(np.unique(np.round(whole.samples.force))) == {0, 125, 250, 375, 500, 625}
     assert any("taken as no pull" in w for w in whole.warnings)
     paths = [folder / "free.csv", tmp_path / "averaged.csv"]
-    cell = load_cell(str(folder / "cell.toml"), planning=False)
-    found = identify_runs(paths, cell, quiet(), settings=FitSettings(), tracing=False)
+    found = identify(paths, cell=folder / "cell.toml", no_trace=True).calibration
     assert found.stages[-1].name == "joint compliance"
     assert {"zero", "zero_loaded"} <= {e.name for e in found.estimates}  # one for each bar
     assert found.stages[-1].held_out.rms < 0.1 * found.stages[-2].held_out.rms

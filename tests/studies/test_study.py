@@ -11,6 +11,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.result_folder import MANIFEST
 from planner.studies.cell_study import NAMES, StudyResult, study
+from planner.studies.pictures import draw_curves
 from tests.studies.conftest import small_study
 
 
@@ -135,3 +136,12 @@ def test_text_is_short_and_names_what_matters(done):
     for word in ("25 of 32", "best", "fixture", "d3"):
         assert word in text
     assert len(text.splitlines()) <= 20
+
+
+def test_the_units_of_an_index_are_said_wherever_it_is(done, told):
+    """Of O2 most: it is 93, 263 or 14 590 by them."""
+    assert "(in m, rad)" in done[1].overview().text()
+    assert told["index_scaling"] == "m, rad"
+    titles = [panel.title for panel in draw_curves(done[1]).panels]
+    assert [t for t in titles if not t.endswith(("raw (m, rad)", "unit-free"))] == []
+    assert len(titles) == 10

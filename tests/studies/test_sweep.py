@@ -43,6 +43,7 @@ def computed(monkeypatch):
         return TrialErrors(size + 1e-6 * task.seed)
 
     monkeypatch.setattr(sweep_module, "run_task", one)
+    monkeypatch.setattr(sweep_module, "map_in_copies", map)
     return tasks
 
 
@@ -161,6 +162,15 @@ def test_arms_are_the_same_at_every_point_and_a_longer_sweep_begins_alike():
     assert np.array_equal(few[:, 0], many[:20, 2])
     assert np.array_equal(few[:, 1], many[:20, 0])
     assert abs(np.corrcoef(draw_arms(("a", "b"), 4000, 0).T)[0, 1]) < 0.06
+
+
+def test_points_side_by_side_are_those_of_one_process(file):
+    """Copies are made after this process has used threads of OpenMP and of data frames, which they do not have."""
+    said = []
+    here = pl.concat(run_task(task_of(poses=n, trials=40)).table() for n in (30, 60)).sort("trial", maintain_order=True)
+    found = sweep(file, progress=lambda *step: said.append(step))
+    assert found.table.sort("trial", maintain_order=True).select(here.columns).equals(here)
+    assert said == [("points", k, 2) for k in range(3)]
 
 
 def test_points_of_one_robot_are_paired(file):

@@ -11,13 +11,11 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.common.content_hashes import with_hashes
 from planner.common.errors import InputError
-from planner.common.progress import Stages
 from planner.common.summary import SCREEN_LINES
 from planner.documents.baseline import Baseline
-from planner.identification.pipeline import FitSettings
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.writer import save_run
-from planner.workflow.identification import identify, identify_runs
+from planner.workflow.identification import identify
 from planner.workflow.plan_use import simulate
 from tests import command
 from tests.identification.few_draws import few_draws
@@ -361,11 +359,9 @@ def test_a_driven_plan_is_identified_and_judged_on_stretches_kept_out(tmp_path):
     plan = wide_plan(tmp_path, "comau-nj130", 30, 4, 0, fast)
     run = simulate(plan, truth=truth_file(tmp_path, TRUTH)).run
     save_run(run, tmp_path / "run.csv")
-    cell, stages = load_cell(str(tmp_path / "cell.toml"), planning=False), FitSettings(release=False)
-    found = identify_runs([tmp_path / "run.csv"], cell, Stages(), plan, settings=stages, tracing=False)
-    aside = np.isin(run.samples.pose, range(31, 35))
+    found = identify([tmp_path / "run.csv"], plan=plan, release=False, no_trace=True)
+    calibration, aside = found.calibration, np.isin(run.samples.pose, range(31, 35))
     assert 200 < aside.sum() < len(run) / 4
-    calibration = found
     length = run.readings.length  # the plan is made by hand: on its way the bar leaves its range
     readable = (length > 0.3 - ZERO_M) & (length < 0.52 + ZERO_M)
     assert len(run) / 2 < readable.sum() < len(run)

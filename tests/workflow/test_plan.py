@@ -4,6 +4,7 @@ By default one that is measured while the robot moves; the TriCal head's tests h
 """
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -178,6 +179,18 @@ def test_export_writes_the_same_program(either, tmp_path):
     done = edbb("export", either.folder / "plan.json", "--dialect", entry["dialect"], "-o", tmp_path / entry["file"])
     assert done.returncode == 0, done.stderr
     assert (tmp_path / entry["file"]).read_bytes() == (either.folder / entry["file"]).read_bytes()
+
+
+def test_every_index_is_said_with_its_units(moving):
+    """On the screen, and in every sentence of the page with a value; the table has units above its columns."""
+    page = re.sub(r"<(script|style|svg).*?</\1>", " ", (moving.folder / "report.html").read_text(), flags=re.DOTALL)
+    sentences = re.split(r"[.:;]\s|</t[dh]>", page)
+    values = [s for s in sentences if "condition number" in s and re.search(r"\d{2}", s)]
+    assert values
+    assert [s for s in values if "m, rad" not in s] == []
+    assert "raw (m, rad)" in page
+    facts = [line for line in moving.stderr.splitlines() if re.match(r"\W*O2\b", line)]
+    assert [line for line in facts if "in m, rad" not in line] == []
 
 
 def test_export_to_standard_output(moving):

@@ -41,6 +41,11 @@ class IndexRule:
     what: str
     of: Callable[[Array, int], Array]
 
+    @property
+    def of_raw(self) -> str:
+        """What it is of raw columns, with their units: its value depends on them."""
+        return f"{self.what} in m, rad"
+
     def is_better(self, value: float, than: float) -> bool:
         """Tell whether ``value`` is strictly better than ``than``."""
         return value > than if self.maximise else value < than
