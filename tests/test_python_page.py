@@ -104,8 +104,7 @@ def test_a_type_checker_agrees_with_every_example(tmp_path):
     """Those of the page and those of the docstrings, which name what they start from."""
     known = f"import numpy as np\nfrom planner import {', '.join(NAMES)}\n"
     given = "q: np.ndarray[tuple[int, int], np.dtype[np.float64]]\n"
-    for name, kind in (("found", "CalibrationResult"), ("session", "PlanResult"), ("runs", "list[Run]")):
-        given += f"{name}: {kind}\n"
+    given += "found: CalibrationResult\nsession: PlanResult\nruns: list[Run]\nframe: object\n"
     texts = {f"page{k}": text for k, text in enumerate(BLOCKS)}
     texts |= {f"doc_{name}": known + given + example_of(name) for name in NAMES}
     for name, text in texts.items():

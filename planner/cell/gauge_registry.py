@@ -31,7 +31,7 @@ def register_gauge(kind: G) -> G:
     """Make a kind known by its name in cell files; a class decorator. Defined again in its place it is replaced.
 
     Raises:
-        ValueError: another gauge has that name, or it shows lengths in mrad.
+        ValueError: another gauge has that name, it lacks methods, or it shows lengths in mrad.
     """
     if kind.unit == "mrad" and kind.angles < kind.width:  # the first number is shown in that unit, angles come last
         raise ValueError(
@@ -42,6 +42,11 @@ def register_gauge(kind: G) -> G:
         _import_shipped_modules()  # so that who takes one of their names is the one who is told
     if kind.kind in _KINDS and not is_defined_again(_KINDS[kind.kind], kind):
         raise ValueError(f"gauge kind '{kind.kind}': {_KINDS[kind.kind].__module__} has registered it already")
+    if lacking := sorted(getattr(kind, "__abstractmethods__", ())):
+        raise ValueError(
+            f"gauge kind '{kind.kind}' ({kind.__module__}): its class lacks {', '.join(lacking)}; the docstrings in "
+            "planner.cell.gauge and planner.effects.gauge_unknowns say what each returns"
+        )
     _KINDS[kind.kind] = kind
     return kind
 

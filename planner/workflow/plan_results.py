@@ -82,7 +82,6 @@ class PlanResult(SessionResult):
         stages: seconds of each step.
 
     Example:
-        >>> session = plan("comau-nj130/edbb", poses=60)  # doctest: +SKIP
         >>> session.plan.choice.q.shape  # (60, 6), rad  # doctest: +SKIP
         >>> session.write("session")  # doctest: +SKIP
     """

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from planner.cell.file import CellFile
-from planner.cell.gauge_registry import register_gauge
+from planner.cell.gauge import Gauge
+from planner.cell.gauge_registry import gauge_kinds, register_gauge
 from planner.cell.reading import cell_of, load_cell
 from planner.cell.workspace import Workspace
 from planner.common.errors import InputError
@@ -17,6 +18,7 @@ from planner.common.progress import Stages
 from planner.common.schema import read_toml
 from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import select_poses
+from planner.effects.gauge_unknowns import GaugeUnknowns
 from planner.identification.pipeline import identify
 from planner.model.model import Model
 from planner.motion.path.margins import WorkspaceBounds
@@ -124,6 +126,13 @@ def test_its_plan_is_written_whatever_cones_it_has(kind, tmp_path):
 def test_its_kind_is_taken(cell):
     with pytest.raises(ValueError, match=r"'plane-dial': tests\.gauges\.plane_dial has registered it already"):
         register_gauge(PlaneDial)
+
+
+def test_a_class_that_lacks_a_method_is_refused_by_its_name():
+    half = type("Half", (Gauge, GaugeUnknowns), {"kind": "half-dial"})
+    with pytest.raises(ValueError, match=r"'half-dial' \(.*lacks .*lag_moves.*parameters.*docstrings"):
+        register_gauge(half)
+    assert "half-dial" not in gauge_kinds()
 
 
 def test_its_margins_change_no_faster_than_it_says(cell, pool):
