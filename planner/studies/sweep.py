@@ -153,10 +153,11 @@ def sweep(
     said = {"seed": seed, "index": index}
     file = file.model_copy(update={k: v for k, v in said.items() if v is not None})
     file.check(where)
-    tasks = make_tasks(file, Path.cwd() if isinstance(wanted, Mapping) else Path(wanted).parent)
+    beside = Path.cwd() if isinstance(wanted, Mapping) else Path(wanted).parent
+    tasks, said_as = make_tasks(file, beside), dict(zip(file.named_cells(beside), file.cells, strict=True))
     with shown_progress(progress) as say:
         parts, known = _collect(tasks, None if folder is None else Path(folder) / "parts", scheduler, cluster_keys, say)
-    labels = [_labels(task, k, file) for k, task in enumerate(tasks)]
+    labels = [{"point": k, "cell": said_as[task.cell], **_labels(task, file)} for k, task in enumerate(tasks)]
     whole = [
         part.select(*(pl.lit(value).alias(key) for key, value in label.items()), pl.all())
         for part, label in zip(parts, labels, strict=True)
@@ -187,9 +188,9 @@ def make_tasks(file: SweepFile, folder: Path) -> list[SweepTask]:
     return tasks
 
 
-def _labels(task: SweepTask, number: int, file: SweepFile) -> dict[str, object]:
+def _labels(task: SweepTask, file: SweepFile) -> dict[str, object]:
     values = {key: column_value(value) for key, value in task.changes if key in file.all_axes}
-    return {"point": number, "cell": task.cell, "poses": task.poses, **values}
+    return {"poses": task.poses, **values}
 
 
 def _collect(

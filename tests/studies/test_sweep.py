@@ -101,8 +101,10 @@ def test_an_axis_that_is_no_key_or_is_given_twice_is_refused(file, tmp_path, mor
 
 def test_parts_are_known_by_content_wherever_the_files_lie(file, tmp_path, computed):
     first = own_cell(tmp_path / "a")
-    file.write_text(SWEEP.replace("ur10/edbb", str(first)))
-    assert (sweep(file, tmp_path / "out").known, len(computed)) == (0, 2)
+    file.write_text(SWEEP.replace("ur10/edbb", "a/cell.toml"))
+    begun = sweep(file, tmp_path / "out")
+    assert (begun.known, len(computed)) == (0, 2)
+    assert set(begun.figures["cell"]) == {"a/cell.toml"}  # as the file says it: the table is the same in every folder
     shutil.copytree(first.parent, tmp_path / "b")
     file.write_text(SWEEP.replace("ur10/edbb", str(tmp_path / "b" / "cell.toml")))
     assert (sweep(file, tmp_path / "out").known, len(computed)) == (2, 2)
