@@ -1,6 +1,7 @@
 """The error that a calibrated robot's tool would keep: against drawn robots, measured and aligned one by one."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell.parts import ToolPoint
 from planner.cell.reading import load_cell
-from planner.model.tool_error import ToolError
+from planner.model.tool_error import ToolError, uniform_states
 from tests.simulation.generator.arm import Arm
 
 DRAWN = 300
@@ -33,6 +34,25 @@ def test_it_is_the_error_of_drawn_robots_after_the_best_alignment(cell):
         R, p = arm.flange(q)
         square += (aligned(x, p + R @ cell.tool.p_FM) ** 2).sum(axis=1).mean() / DRAWN
     assert workspace.rms(names, np.diag(size**2)) == pytest.approx(np.sqrt(square), rel=0.1)
+
+
+def test_the_workspace_is_what_the_glossary_says():
+    """Limits, a turn about home, the floor, by the arm's own chain; and no word of collisions that would not hold."""
+    cell = load_cell("comau-nj130/edbb")
+    wide = replace(cell.robot, q_lower=cell.robot.q_lower - 20, q_upper=cell.robot.q_upper + 20)
+    for robot in (cell.robot, wide):
+        there = replace(cell, robot=robot)
+        q = uniform_states(there, 3000, 0)
+        assert (q >= robot.q_lower).all()
+        assert (q <= robot.q_upper).all()
+        assert (np.ptp(q, axis=0) <= 2 * np.pi).all()
+        R, p = Arm.from_toml("comau-nj130").flange(q)
+        assert (p + R @ cell.tool.p_FM)[:, 2].min() > cell.base.floor
+    glossary = (Path(__file__).parents[1] / "docs" / "glossary.md").read_text(encoding="utf-8")
+    said = (
+        "all poses within the joints' limits, a turn about home at most, with the tool above the floor; collisions are"
+    )
+    assert f'<a id="workspace"></a>workspace | {said} not considered |' in glossary
 
 
 def test_how_the_base_stands_does_not_count(cell):

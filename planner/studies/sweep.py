@@ -45,8 +45,8 @@ class SweepResult(Result):
         points: how many there are; ``known``: of how many the parts were there already.
 
     Example:
-        >>> found = sweep("SWEEP.toml", "out")  # doctest: +SKIP
-        >>> found.figures.select("poses", "posterior_mm", "posterior_se_mm")  # doctest: +SKIP
+        >>> swept = sweep("SWEEP.toml", "out")  # doctest: +SKIP
+        >>> swept.figures.select("poses", "posterior_mm", "posterior_se_mm")  # doctest: +SKIP
     """
 
     table: pl.DataFrame

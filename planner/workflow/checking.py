@@ -89,7 +89,7 @@ class CheckResult(FolderResult):
         simulated: whether nobody measured the run.
 
     Example:
-        >>> check("check.csv", model="calibrated", plan="check/plan.json").verdict.cause  # doctest: +SKIP
+        >>> check("check.csv", model="calibrated", plan="check/plan.json").verdict.smallest_p  # doctest: +SKIP
     """
 
     main_file = "check.json"

@@ -44,7 +44,7 @@ def simulate_many(
         InputError: as of ``simulate``.
 
     Example:
-        >>> runs = simulate_many("session/plan.json", range(100))  # doctest: +SKIP
+        >>> made = simulate_many("session/plan.json", range(100))  # doctest: +SKIP
     """
 
     def one(seed: int) -> SimulationResult:

@@ -188,6 +188,21 @@ def test_points_of_one_robot_are_paired(file):
     assert step["differs"].all()
 
 
+@pytest.mark.parametrize(
+    ("cell", "changes"),
+    [
+        ("kuka-kr6-r700/tracker", ()),
+        ("ur10/edbb", (("fixtures.position_mm", [[600, 500, 60], [700, 0, 60]]), ("plan.free", ["fixture"]))),
+        ("ur10/edbb", (("plan.index", "O1"), ("tool.map_mm", [60, 0, 130]), ("gauge.length_mm", [280, 540]))),
+    ],
+)
+def test_any_gauge_and_any_key_may_be_swept(cell, changes):
+    errors = run_task(task_of(cell, 40, changes, trials=12)).errors
+    assert errors.shape == (12, 3)
+    nominal, _, posterior = np.median(errors, axis=0)
+    assert 0 < posterior < nominal / 2
+
+
 def test_neighbours_differ_beyond_chance_only_where_they_do():
     """Against the known truth: two points whose arms err alike but for noise, and one that is 5 % worse."""
     rng = np.random.default_rng(1)
