@@ -273,7 +273,7 @@ def compute(
         client = stack.enter_context(connect(scheduler, keys, "--scheduler", TIMEOUT, "edbb-study"))
         # 3: times, if a task's worker dies
         futures = {client.submit(run_task_there, t, key=f"edbb-{t.key}", retries=3): t for t in tasks}
-        for future in as_completed(futures):  # type: ignore[no-untyped-call]
+        for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
             task = futures.pop(future)  # forgotten there and here: a sweep may be long
             try:
                 yield task, read_table(future.result())

@@ -260,6 +260,8 @@ def test_from_a_cluster_data_alone_is_read(file, monkeypatch):
     before, seen = pickle.loads, []
 
     class Client:
+        loop = None
+
         def submit(self, task, argument, key, retries):
             seen.append(pickle.loads is not before)
             future = distributed.Future.__new__(distributed.Future)
@@ -273,7 +275,7 @@ def test_from_a_cluster_data_alone_is_read(file, monkeypatch):
             return None
 
     monkeypatch.setattr(sweep_module, "connect", lambda *_: Client())
-    monkeypatch.setattr(distributed, "as_completed", lambda futures: list(futures))
+    monkeypatch.setattr(distributed, "as_completed", lambda futures, loop: list(futures))
     monkeypatch.setattr(distributed.Future, "__del__", lambda self: None)
     monkeypatch.setattr(distributed.Future, "__hash__", lambda self: id(self))
     monkeypatch.setattr(distributed.Future, "__eq__", lambda self, other: self is other)
