@@ -17,3 +17,12 @@ OUTSIDE = re.compile(r"\.\.|(?<![A-Za-z0-9_.+-])/|^-[^-/]*/")
 def leads_outside(word: str) -> bool:
     """Tell whether a word can name a path that leads out of the folder of its command."""
     return OUTSIDE.search(word) is not None
+
+
+FOLDERS = re.compile(r"(?<![\w./:<])/(?!api/)(?:[^\s/:'\"]+/)+")
+"""The folders of a path from the root of a disk; addresses of the interface are none."""
+
+
+def hide_folders(text: str) -> str:
+    """Return a message without the folders of this machine: whoever asks is told names of files alone."""
+    return FOLDERS.sub("", text)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
-from typing import get_args
+from typing import Annotated, get_args
 
-from fastapi import APIRouter, FastAPI, Request, Response
+from fastapi import APIRouter, FastAPI, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 from pydantic import ValidationError
@@ -74,6 +74,7 @@ class PlanChoice:
     baseline: str | None
 
 
+SerialQuery = Annotated[str, Query(max_length=61, description="of the robot")]
 PAGES = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 
 
@@ -208,7 +209,7 @@ def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse
 
 @PAGES.get("/calibrate")
 @at_one_moment
-def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
+def show_calibrate(context: Context, plan: JobId | None = None, serial: SerialQuery = "") -> HTMLResponse:
     """The form that takes the log of a run."""
     latest = [p for kind in PLANS for p in _plans(context, kind)]
     if plan is not None and plan not in {p.id for p in latest}:
@@ -219,7 +220,9 @@ def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
         for p, h in planned
         if h is not None and not h.kind
     ]
-    return render("calibrate", plans=rows, chosen=plan, cells=_own_cells(context), shipped=_columns_of_shipped_cells())
+    cells, shipped = _own_cells(context), _columns_of_shipped_cells()
+    known = {"plans": rows, "chosen": plan, "cells": cells, "shipped": shipped, "robots": robot_entries()}
+    return render("calibrate", serial=serial, **known)
 
 
 def _show_check(context: ServiceContext, job: Job) -> HTMLResponse:
@@ -259,7 +262,10 @@ def _record_form(context: ServiceContext, job: Job, calibration: str | None = No
         recorded = RecordedEntry()  # a simulated robot is not in the record of a real one
     # 200: serial numbers that are offered
     serials = [r.serial for r in context.records.index.list_robots(RobotFilter(simulated=simulated), 200)]
-    return {"own": own, "recorded": recorded, "serials": serials, "simulated": simulated}
+    plan = job.request.get("plan")
+    sessions = [s.serial for s in context.sessions.list_sessions(plan=plan)] if plan else []
+    serial = next((s for s in sessions if s), "") if len(set(sessions)) == 1 else ""
+    return {"own": own, "recorded": recorded, "serials": serials, "serial": serial, "simulated": simulated}
 
 
 def _plans(context: ServiceContext, kind: str = "plan") -> list[Job]:

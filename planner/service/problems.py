@@ -13,7 +13,7 @@ from starlette.requests import ClientDisconnect
 from planner.common.errors import MissingProgramError, NoSolutionError, PlannerError, make_printable
 from planner.common.schema import StrictModel
 from planner.service.certificate import UncertifiedError
-from planner.service.command_words import RefusedCommandError
+from planner.service.command_words import RefusedCommandError, hide_folders
 from planner.service.context import ChangedRobotError
 from planner.service.database import damage_text, is_damage
 from planner.service.file_store import DiskFullError, DisturbedTransferError, UnknownFileError
@@ -47,7 +47,8 @@ STATUS: tuple[tuple[type[PlannerError], int], ...] = (
 class Problem(StrictModel):
     """What is wrong, for a program and for a person."""
 
-    title: str = Field(examples=["The input is wrong"])
+    type: str = Field("about:blank", description="of RFC 9457: the title is that of the status")
+    title: str = Field(examples=["Unprocessable Content"])
     status: int = Field(examples=[422])
     detail: str = Field(examples=["cell 'nj130/edbb': neither a file nor a shipped cell"])
     exit_code: int | None = Field(None, description="of the command line", examples=[2])
@@ -62,7 +63,7 @@ class ProblemResponse(JSONResponse):
     media_type = MEDIA_TYPE
 
     def __init__(self, status: int, detail: str, exit_code: int | None = None) -> None:
-        self.detail = make_printable(detail)
+        self.detail = make_printable(hide_folders(detail))
         problem = Problem(title=HTTPStatus(status).phrase, status=status, detail=self.detail, exit_code=exit_code)
         super().__init__(problem.model_dump(exclude_none=True), status_code=status)
 

@@ -15,6 +15,7 @@ from typing import Protocol
 from planner.common.errors import FAILED, PARTLY_DONE, InputError
 from planner.common.files import data_folder
 from planner.common.system import group_memory, kill_group, start_in_own_group
+from planner.service.command_words import hide_folders
 from planner.service.file_store import FileStore
 from planner.service.job_filter import State
 from planner.service.job_process import DAMAGED, INPUT_FOLDER, RESULTS, SPECIFICATION, SPECIFICATIONS, JobSpecification
@@ -228,7 +229,7 @@ class JobRunner:
             return f"a mistake of the program itself ended the command: {last or f'exit code {code}'}"
         here = self._folder.resolve() / INPUT_FOLDER
         sentence = SHIPPED.sub(r"\1/\2", sentence)
-        return sentence.strip().replace(f"{here}/", "").replace(str(here), "the folder of the job")
+        return hide_folders(sentence.strip().replace(f"{here}/", "").replace(str(here), "the folder of the job"))
 
 
 class LogReader:

@@ -5,6 +5,7 @@ import sqlite3
 import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from http import HTTPStatus
 from typing import Any
 
 from fastapi import Depends, FastAPI
@@ -16,7 +17,7 @@ from planner.common.errors import InputError
 from planner.report.page import VIEW_FOLDER
 from planner.service.access import check_access, check_rules
 from planner.service.access_log import AccessLog, open_log
-from planner.service.callers import CallerFinder
+from planner.service.callers import COOKIE, CallerFinder
 from planner.service.cell_notes import CellNotes
 from planner.service.certificate_api import CERTIFICATES
 from planner.service.cluster import Cluster
@@ -153,20 +154,29 @@ def build_app(context: ServiceContext) -> FastAPI:
 
     def describe_once() -> dict[str, Any]:
         """Return the OpenAPI description, which is made once."""
-        return app.openapi_schema or _name_media_type(describe())
+        return app.openapi_schema or _complete_document(describe())
 
     app.openapi = describe_once  # type: ignore[method-assign]
     return app
 
 
-def _name_media_type(document: dict[str, Any]) -> dict[str, Any]:
-    """Say of every problem in an OpenAPI document that it comes as ``application/problem+json``."""
-    problem = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+def _complete_document(document: dict[str, Any]) -> dict[str, Any]:
+    """Say in an OpenAPI document how one logs in, and of every problem that it is ``application/problem+json``."""
+    schema = {"$ref": "#/components/schemas/Problem"}
+    schemes = {
+        "token": {"type": "http", "scheme": "bearer", "description": "of a person, or of the service"},
+        "session": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "of a browser that has logged in"},
+    }
+    document["components"]["securitySchemes"] = schemes
+    # the last: nobody has to log in where one person works on one machine
+    document["security"] = [*({name: []} for name in schemes), {}]
     for operations in document["paths"].values():
         for operation in operations.values():
             for code, answer in operation["responses"].items():
                 if code >= "400":
-                    answer["content"] = problem
+                    status, detail = int(code), answer["description"]
+                    example = {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status}
+                    answer["content"] = {MEDIA_TYPE: {"schema": schema, "example": example | {"detail": detail}}}
     return document
 
 

@@ -5,11 +5,12 @@ import pytest
 import schemathesis
 from schemathesis import GenerationMode
 
+from planner.service.command_words import hide_folders
 from planner.service.context import Supervisor
 from planner.service.serving import build_app, build_context
 from tests.service.conftest import settings
 
-OPERATIONS = 46  # of the document; a new one is counted here, so that none slips by
+OPERATIONS = 55  # of the document; a new one is counted here, so that none slips by
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +52,25 @@ def check(document, examples):
         ask(operation, GenerationMode.POSITIVE, examples)
         refused |= ask(operation, GenerationMode.NEGATIVE, examples)
     assert 422 in refused
+
+
+def test_the_document_says_how_one_logs_in_and_what_errors_look_like(document):
+    said = document.raw_schema
+    assert said["components"]["securitySchemes"]["token"] == {
+        "type": "http", "scheme": "bearer", "description": "of a person, or of the service",
+    }  # fmt: skip
+    assert {"token": []} in said["security"]
+    for path, operations in said["paths"].items():
+        for operation in operations.values():
+            for code, answer in operation["responses"].items():
+                if code >= "400":
+                    (media,) = answer["content"].items()
+                    assert (media[0], media[1]["example"]["status"]) == ("application/problem+json", int(code)), path
+
+
+def test_a_message_names_no_folder_of_the_server():
+    said = "record.toml is damaged; see (DELETE /api/jobs/ID) and https://doi.org/10.1/x/y, ur10/edbb"
+    assert hide_folders(f"/var/lib/edbb/records/S1/{said}") == said
 
 
 @pytest.mark.long

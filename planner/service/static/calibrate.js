@@ -1,11 +1,26 @@
-import { find, finished, get, post, root, say, showFacts, upload } from "./common.js";
+import { find, finished, get, givenOptions, post, root, say, showFacts, upload } from "./common.js";
 import { lineChart } from "./linechart.js";
 
 const message = find("#run-message"), sent = find("#sent"), drop = find("#drop");
-let runs = [], simulation = null, good = false, asked = 0, unknown = "", before = [];
+let runs = [], simulation = null, good = false, asked = 0, unknown = "", before = [], own = null, validation = null;
+
+const tracked = (robot) => new File([`schema = "edbb-cell/1"\nrobot = "${robot}"\n[gauge]\nkind = "tracker"\n`], "cell.toml");
+
+/** What a person has brought: a cell with its files, or a robot alone, which a tracker sees. */
+async function ownCell(files) {
+  const texts = await Promise.all(files.map(async (f) => (f.name.endsWith(".toml") ? f.slice(0, 100000).text() : "")));
+  const cell = files.find((_, k) => texts[k].includes("edbb-cell/1"));
+  if (!cell && files.length > 1) throw new Error('none of the files has schema = "edbb-cell/1": name the cell, or one robot alone');
+  const others = await Promise.all(files.filter((f) => f !== cell).map((f) => upload("files", f)));
+  return { cell: (await upload("cells", cell ?? tracked(others[0].name))).id, files: others };
+}
+
+// what was sent stays where it is: a page that is loaded again goes on with it
+function keep() { history.replaceState(null, "", `${location.search}#${encodeURIComponent(JSON.stringify({ runs, simulation, own, validation, plan: find("#plan").value, cell: find("#cell").value }))}`); }
 
 function place() {
   const plan = find("#plan").value, cell = find("#cell");
+  if (!plan && own) return own;
   return plan ? { plan } : { cell: cell.value, files: JSON.parse(cell.selectedOptions[0].dataset.files ?? "[]") };
 }
 
@@ -16,6 +31,7 @@ function update() {
   find("#cell-choice").hidden = plan !== "";
   find("#check-choice").hidden = !check;
   find("#trace-choice").hidden = check;
+  find("#identify-choice").hidden = check;
   find("#change-choice").hidden = !check;
   if (baseline) find("#baseline").href = `${root}/jobs/${baseline}`; else find("#baseline").removeAttribute("href");
   find("#simulate").disabled = plan === "";
@@ -69,7 +85,7 @@ async function check() {
   update();
   find("#run-view").hidden = true;
   if (!runs.length && !simulation) return;
-  if (!find("#plan").value && !find("#cell").value) {
+  if (!find("#plan").value && !find("#cell").value && !own) {
     say(message, unknown ? `The log is of the plan ${unknown}, which is not known here: choose the cell in which it was measured.` : "The log names no plan: choose the plan, or the cell.", true);
     return;
   }
@@ -80,6 +96,7 @@ async function check() {
   if (number !== asked) return;
   good = true;
   update();
+  keep();
   say(message, found.simulated ? "This run is simulated: nobody has measured this robot." : `${found.samples} samples, ${found.kind}.`, found.simulated);
   const facts = [["samples", String(found.samples)], ["kind", found.simulated ? `${found.kind}, simulated` : found.kind], ["sessions", String(found.sessions)],
     ["plan", found.plan_id ?? "the log does not say"]];
@@ -118,7 +135,20 @@ find("#run").addEventListener("change", (e) => attempt(() => take([...e.target.f
 for (const kind of ["dragover", "dragenter"]) drop.addEventListener(kind, (e) => { e.preventDefault(); drop.classList.add("over"); });
 for (const kind of ["dragleave", "drop"]) drop.addEventListener(kind, () => drop.classList.remove("over"));
 drop.addEventListener("drop", (e) => { e.preventDefault(); attempt(() => take([...e.dataTransfer.files])); });
-for (const id of ["#plan", "#cell"]) find(id).addEventListener("change", () => attempt(check));
+for (const id of ["#plan", "#cell"]) find(id).addEventListener("change", () => attempt(async () => {
+  const robot = id === "#cell" && find(id).value.match(/^robot:(.*)/)?.[1];
+  own = robot ? { cell: (await upload("cells", tracked(robot))).id, files: [] } : null;
+  await check();
+}));
+find("#own-files").addEventListener("change", (e) => attempt(async () => {
+  own = e.target.files.length ? await ownCell([...e.target.files]) : null;
+  say(find("#own-message"), own ? "It is taken for the cell." : "");
+  await check();
+}));
+find("#validation").addEventListener("change", (e) => attempt(async () => {
+  validation = e.target.files.length ? await upload("runs", e.target.files[0]) : null;
+  keep();
+}));
 
 find("#simulate").addEventListener("click", () => attempt(async () => {
   const ofCheck = isCheck(), key = ofCheck && find("#change").value;
@@ -151,9 +181,19 @@ find("#run-form").addEventListener("submit", (event) => {
   attempt(async () => {
     if (isCheck()) { await judge(); return; }
     const measured = before.length && find("#before").checked ? await withRunsBefore() : { runs, simulation, ...place() };
-    const job = await post("/api/identifications", { ...measured, no_trace: !find("#trace").checked });
+    const options = { ...givenOptions(find("#identify-choice")), ...(validation && { validate_with: validation }) };
+    const job = await post("/api/identifications", { ...measured, ...options, no_trace: !find("#trace").checked });
     location.href = `${root}/jobs/${job.id}`;
   });
 });
 update();
-if (find("#plan").value) attempt(offerRunsBefore);
+if (location.hash.length > 1) {
+  attempt(async () => {
+    const kept = JSON.parse(decodeURIComponent(location.hash.slice(1)));
+    ({ runs, simulation, own, validation } = kept);
+    find("#plan").value = kept.plan;
+    find("#cell").value = kept.cell;
+    if (validation) find("label[for=validation]").append(` (${validation.name} was sent)`);
+    await check();
+  });
+} else if (find("#plan").value) attempt(offerRunsBefore);
