@@ -207,8 +207,10 @@ def list_exclusions(request: CertificateRequest, document: Identification) -> li
             out.append(f"{TOOLS[tool]}: this calibration states no error for it")
     if request.region == "run" and request.tool in known:
         out.append(f"poses elsewhere: 95 of 100 targets are within {bound_text(known[request.tool][0])} by the model")
-    warmth = "" if document.release is None else document.release.warmth_text.partition("; ")[2]
-    out.append(warmth or "what a warmer or colder arm, or another load, is off")
+    warmth = "for an arm as warm as in this run"
+    if document.release is not None:
+        warmth = document.release.warmth_text.partition("; ")[0]
+    out.append(f"another warmth or load of the arm: U is {warmth}")
     if document.release is not None:
         out += [f"{u.what} ({u.cure} would show it)" for u in document.release.not_shown[:2]]
     return out

@@ -4,11 +4,9 @@ import html
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
-from datetime import date, timedelta
 from pathlib import Path
 from types import MappingProxyType
 
@@ -24,11 +22,9 @@ from planner.service.job_record import JobCommand, JobOutput
 from planner.service.job_store import JobStore
 from planner.service.people import PeopleStore
 from planner.service.settings import Role
-from tests.command import edbb
 from tests.service.conftest import begin_session, client_of, wait_until
 from tests.service.test_browser import CHROMIUM, RULES, SOFTWARE_3D
 from tests.service.test_cluster import free_port
-from tests.workflow.conftest import small_cell
 
 PLAN = Path(__file__).parents[1] / "data" / "kr6-plan"
 PASSWORD, JOB = "correct horse battery", "a" * 24
@@ -282,128 +278,3 @@ def test_the_checklist_says_how_the_gauge_is_read_and_how_it_is_mounted(tmp_path
         text = html.unescape(client.get(begin_session(client, JOB)).text)
     for words in (*told, "at [430, 330, 60] mm of the base frame", "Set its display to the length"):
         assert words in text
-
-
-MONTH_AGO, TODAY = (date.today() - timedelta(days=d) for d in (30, 0))
-
-
-def ended_page(page, text):
-    """Wait for the result of the job whose page is shown; return the job."""
-    page.wait_for_selector(f"text={text}", timeout=6 * 60_000)
-    return page.url.rpartition("/")[2]
-
-
-def record(page, serial, day, **fields):
-    page.fill("#serial", serial)
-    page.fill("#date", day.isoformat())
-    for name, value in fields.items():
-        page.fill(f"#{name}", value)
-    page.get_by_role("button", name="Add", exact=True).click()
-    page.wait_for_url(f"**/robots/{serial}")
-
-
-@needs_browser
-@pytest.mark.long
-@pytest.mark.skipif(
-    not os.environ.get("EDBB_ALL_TRIALS"),
-    reason="a plan and a fit behind a browser outlast its patience on a busy machine: only with EDBB_ALL_TRIALS=1",
-)
-def test_two_people_calibrate_a_robot_and_check_it_after_a_month(service, browser, tmp_path):
-    """Ada plans and calibrates at the desk, Wanda measures with a phone whose network is cut for a while."""
-    people = PeopleStore(Database(service.folder / "jobs.sqlite3"))
-    people.add("ada", Role.ADMINISTER, PASSWORD)
-    people.add("wanda", Role.WORK, PASSWORD)
-    service.begin()
-    desk, phone = (open_page(browser, service, name, name == "wanda") for name in ("ada", "wanda"))
-    cell = small_cell("kuka-kr6-r700/edbb", tmp_path / "cell", ("candidates = 3000", "candidates = 600"))
-    desk.set_input_files("#cell-file", cell)
-    desk.click("text=Check the cell")
-    desk.wait_for_selector("#view canvas")
-    desk.fill("#poses", "28")
-    desk.click("#plan-form button:has-text('Plan')")
-    plan = ended_page(desk, "What was planned")
-
-    measure_without_network(phone, desk, service, plan)
-    log = measured_log(service.folder, plan, tmp_path / "run")
-    calibration = calibrate(phone, service, plan, log)
-    check_after_a_month(desk, service, calibration, tmp_path)
-
-    desk.goto(f"/jobs/{calibration}/certificate")
-    assert desk.input_value("#operator") == "Wanda"
-    assert desk.input_value("#gauge-serial") == "bar 4711"
-    assert "Certificate of calibration" in desk.inner_text("main")
-    assert "imulated" not in desk.inner_text("main")
-    check_page(desk, "certificate-two")
-    desk.goto("/deeds")
-    log = desk.inner_text("main")
-    assert all(deed in log for deed in ("asked for: identification", "added to a robot's record", "ticked a checklist"))
-    desk.goto("/jobs")
-    desk.select_option("#job-person", "wanda")
-    desk.click("text=Show")
-    expect(desk.locator("#jobs tbody")).to_contain_text("identification")
-    expect(desk.locator("#jobs tbody")).not_to_contain_text("check-plan")
-
-
-def measure_without_network(phone, desk, service, plan):
-    checklist = open_checklist(phone, plan)
-    expect(phone.locator("#offline")).to_contain_text("without a network")
-    steps = phone.locator(".checklist input").count()
-    service.cut()
-    for k in range(1, steps + 1):
-        phone.check(f"#step-{k}")
-    assert "All steps are done" in phone.inner_text("#done")
-    service.begin()
-    expect(phone.locator("#sent")).to_contain_text("All that is ticked is sent")
-    desk.goto(checklist)
-    expect(desk.locator(f"#step-{steps}")).to_be_checked()
-
-
-def measured_log(store, plan, folder, truth=None):
-    """The log of a robot that the service knows nothing of but its readings: a run without the lines of its truth."""
-    folder.mkdir()
-    for output in JobStore(Database(store / "jobs.sqlite3")).outputs(plan):
-        if "/" not in output.name:
-            shutil.copyfile(FileStore(store).path(output.sha256), folder / output.name)
-    simulated = folder / "simulated.csv"
-    done = edbb("simulate", folder / "plan.json", "-o", simulated, *(("--truth", truth) if truth else ()))
-    assert done.returncode == 0, done.stderr
-    lines = simulated.read_text().splitlines(keepends=True)
-    (folder / "run.csv").write_text("".join(line for line in lines if not line.startswith("# truth:")))
-    return folder / "run.csv"
-
-
-def calibrate(phone, service, plan, log):
-    """Identify the robot; another's plan is not stopped."""
-    refused = phone.request.post(f"/api/jobs/{plan}/cancel", headers={"origin": service.address})
-    assert (refused.status, "it is of ada" in refused.text()) == (403, True)
-
-    open_checklist(phone, plan)
-    phone.click("text=The run is measured")
-    phone.set_input_files("#run", log)
-    phone.wait_for_selector("#run-chart svg", timeout=4 * 60_000)
-    check_page(phone, "log-phone")
-    phone.uncheck("#trace")
-    phone.click("#identify")
-    calibration = ended_page(phone, "Before and after")
-    record(phone, "KR6-0815", MONTH_AGO, operator="Wanda", gauge="bar 4711")
-    check_page(phone, "robot-phone")
-    return calibration
-
-
-def check_after_a_month(desk, service, calibration, folder):
-    desk.goto(f"/jobs/{calibration}")
-    desk.fill("#check-poses", "8")
-    desk.click("#check-plan-form button")
-    check_plan = ended_page(desk, "What it shows, and from where on")
-    check_page(desk, "check-plan")
-    desk.goto(f"/calibrate?plan={check_plan}")
-    log = measured_log(service.folder, check_plan, folder / "check", folder / "run" / "simulated.csv")
-    desk.set_input_files("#run", log)
-    desk.wait_for_selector("#run-chart svg", timeout=4 * 60_000)
-    desk.click("#identify")
-    desk.wait_for_selector(".verdict", timeout=6 * 60_000)
-    assert desk.inner_text(".verdict .word").lower().startswith("passed")
-    record(desk, "KR6-0815", TODAY)
-    history = desk.inner_text("main")
-    assert MONTH_AGO.isoformat() in history
-    assert TODAY.isoformat() in history
