@@ -46,5 +46,9 @@ def record_command(
         "gauge": gauge, "certificate": certificate,
     }  # fmt: skip
     when = validate(said, Circumstances, "edbb record")
-    given = {"add": add, "serial": serial, "circumstances": when, "withdraw": withdraw, "reason": reason}
-    give(lambda _: recording.record(folder, **given), output, as_json, manner=manner)
+
+    def keep(_: object) -> "recording.RecordResult":
+        """Show the record, after what is to be added or withdrawn."""
+        return recording.record(folder, add=add, serial=serial, circumstances=when, withdraw=withdraw, reason=reason)
+
+    give(keep, output, as_json, manner=manner)

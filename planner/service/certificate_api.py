@@ -1,7 +1,7 @@
 """Routes of certificates: issued here, frozen, shown with whether they still hold, and withdrawn."""
 
 from datetime import UTC, datetime
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Request, Response
 from fastapi import Path as InPath
@@ -33,7 +33,7 @@ from planner.service.standing import change_text, newer_calibration
 
 CERTIFICATES = APIRouter()
 Number = Annotated[str, InPath(pattern=f"^{NUMBER}$", description="of the certificate", examples=["KR6-0815-C01"])]
-MISSING = {404: {"model": Problem}}
+MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
 
 
 class IssuedCertificate(StrictModel):

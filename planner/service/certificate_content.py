@@ -177,9 +177,16 @@ def _results(found: CalibrationPage) -> list[ErrorRow]:
     """Errors of readings held out, and of those of a validation where both robots have them."""
     both, unit = (("before", found.placed_stage), ("after", found.written_errors)), found.document.reading_unit
     seen = [(f"{name}, validation run", s.validation) for name, s in both if s.validation is not None]
+
+    def in_mm(size: float) -> float:
+        """Return a size [m] in mm, or a thousandth of an angle."""
+        return float(to_mm(size))
+
     rows: Sequence[tuple[str, Metrics]] = [(f"{name}, held out", s.held_out) for name, s in both]
     return [
-        ErrorRow(what=what, unit=unit, rms=to_mm(m.rms), mean=to_mm(m.mean), largest=to_mm(m.largest))
+        ErrorRow(
+            what=what, unit=unit, rms=float(to_mm(m.rms)), mean=float(to_mm(m.mean)), largest=float(to_mm(m.largest))
+        )
         for what, m in (*rows, *(seen if len(seen) == len(both) else []))
     ]
 

@@ -80,7 +80,7 @@ def _table(rows: list[list[Any]], widths_mm: list[float], lined: bool = True) ->
     from reportlab.lib.units import mm
     from reportlab.platypus import Table, TableStyle
 
-    style = [("VALIGN", (0, 0), (-1, -1), "TOP"), ("LEFTPADDING", (0, 0), (0, -1), 0)]
+    style: list[Any] = [("VALIGN", (0, 0), (-1, -1), "TOP"), ("LEFTPADDING", (0, 0), (0, -1), 0)]
     style += [(f"{side}PADDING", (0, 0), (-1, -1), 1.5) for side in ("TOP", "BOTTOM")]
     if lined:
         style.append(("LINEBELOW", (0, 0), (-1, -1), 0.25, "#c9d1d8"))

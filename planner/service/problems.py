@@ -47,7 +47,7 @@ STATUS: tuple[tuple[type[PlannerError], int], ...] = (
 class Problem(StrictModel):
     """What is wrong, for a program and for a person."""
 
-    type: str = Field("about:blank", description="of RFC 9457: the title is that of the status")
+    type: str = Field(default="about:blank", description="of RFC 9457: the title is that of the status")
     title: str = Field(examples=["Unprocessable Content"])
     status: int = Field(examples=[422])
     detail: str = Field(examples=["cell 'nj130/edbb': neither a file nor a shipped cell"])

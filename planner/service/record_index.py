@@ -137,7 +137,7 @@ class RecordIndex:
     def is_withdrawn(self, document: str) -> bool:
         """Tell whether a document was in a record and counts in none."""
         rows = self._db.read("SELECT min(withdrawn) FROM recorded WHERE document_sha256 = ?", document)
-        return rows[0][0] == 1
+        return bool(rows[0][0] == 1)
 
     def read(self, serial: str) -> None:
         """Read a record to which something was added."""
@@ -286,8 +286,8 @@ def robot_advice(record: RobotRecord) -> str:
 def state_line(record: RobotRecord) -> str:
     """Return how a robot stands today in one line."""
     if record.failure is not None:
-        day, check = record.failure
-        return f"changed on {day.isoformat()}{f': {check.cause}' if check.cause else ''}"
+        failed, check = record.failure
+        return f"changed on {failed.isoformat()}{f': {check.cause}' if check.cause else ''}"
     state, day = robot_state(record), record.next_check
     if state == "withdrawn":
         return "withdrawn: no entry of this serial number counts"

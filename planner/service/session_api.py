@@ -1,7 +1,7 @@
 """Routes of sessions at the cell: what one device ticks others see, also what was ticked without a network."""
 
 from datetime import UTC, datetime
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from fastapi import Path as InPath
@@ -25,7 +25,7 @@ from planner.service.sheets import session_content
 
 SESSIONS = APIRouter()
 SessionId = Annotated[str, InPath(pattern="^[0-9a-f]{24}$", description="identifier of a session")]
-MISSING = {404: {"model": Problem}}
+MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
 
 
 class SessionRequest(StrictModel):

@@ -4,10 +4,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import httpx
 import pytest
 
 from planner.service.job_record import JobOutput
-from tests.service.conftest import address_of
+from tests.service.conftest import address_of, begin_session
 from tests.service.test_crashes import CHEAP, Store
 
 PLAN = Path(__file__).parents[1] / "data" / "kr6-plan"
@@ -26,7 +27,10 @@ def address(tmp_path_factory):
         assert store.jobs.finish(store.jobs.take(2), "done", outputs, 0, None)
     command = [sys.executable, "-m", "planner.cli", "serve", "--port", "0", "--data", str(folder)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
-        yield address_of(server)
+        at = address_of(server)
+        with httpx.Client(base_url=at, timeout=60) as client:
+            begin_session(client, PLANS[0])
+        yield at
         server.terminate()
 
 
@@ -34,7 +38,7 @@ def address(tmp_path_factory):
     "page",
     [
         "", "jobs", "calibrate", "deeds", "cells/ur10/edbb", f"jobs/{PLANS[0]}", f"jobs/{PLANS[0]}/session",
-        f"compare?first={PLANS[0]}&second={PLANS[1]}",
+        f"compare?first={PLANS[0]}&second={PLANS[1]}", "jobs?q=kr6", "robots/KR6-0815",
     ],
 )  # fmt: skip
 def test_a_page_is_silent_and_no_wider_than_a_phone(browser, address, page):
