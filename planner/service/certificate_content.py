@@ -184,9 +184,7 @@ def _results(found: CalibrationPage) -> list[ErrorRow]:
 
     rows: Sequence[tuple[str, Metrics]] = [(f"{name}, held out", s.held_out) for name, s in both]
     return [
-        ErrorRow(
-            what=what, unit=unit, rms=float(to_mm(m.rms)), mean=float(to_mm(m.mean)), largest=float(to_mm(m.largest))
-        )
+        ErrorRow(what=what, unit=unit, rms=in_mm(m.rms), mean=in_mm(m.mean), largest=in_mm(m.largest))
         for what, m in (*rows, *(seen if len(seen) == len(both) else []))
     ]
 
