@@ -48,7 +48,7 @@ _MODULES = {
     "cell.cell": ("Cell",),
     "cell.reading": ("load_cell",),
     "common.result": ("Plot", "Result"),
-    "identification.forward": ("forward",),
+    "documents.forward": ("forward",),
     "kinematics.robot": ("Robot",),
     "kinematics.robot_reader": ("load_robot",),
     "runs.frames": ("frame_of_run", "run_of_frame"),
