@@ -5,7 +5,7 @@ import pytest
 
 from planner.accuracy.validation import pose_performance
 from planner.runs.run import Readings, Run, Samples
-from planner.service.sheets import RMS_OF_REPEATABILITY
+from planner.service.certificate_content import RMS_OF_REPEATABILITY
 
 POSES, VISITS, SIGMA = 5, 400, 2e-5
 

@@ -193,7 +193,7 @@ def test_points_of_one_robot_are_paired(file):
     [
         ("kuka-kr6-r700/tracker", ()),
         ("ur10/edbb", (("fixtures.position_mm", [[600, 500, 60], [700, 0, 60]]), ("plan.free", ["fixture"]))),
-        ("ur10/edbb", (("plan.index", "O1"), ("tool.map_mm", [60, 0, 130]), ("gauge.length_mm", [280, 540]))),
+        ("ur10/edbb", (("plan.index", "O1"), ("tool.map_mm", [60, 0, 130]), ("gauge.length_mm", [310, 500]))),
     ],
 )
 def test_any_gauge_and_any_key_may_be_swept(cell, changes):
