@@ -141,7 +141,7 @@ def _steps(c: Calibration, r: Release, used: float, pace: float | None) -> Itera
         yield used - left, NextStep(what=more, brings=_span(used, left, c.more.minutes))
     if parts is None:
         return
-    left = np.sqrt(max(used**2 - parts.unseen**2, 0.0))
+    left = _without(parts.unseen, used, r)
     one_cup = c.run.readings.length is not None and len(c.run.places) == 1
     if one_cup and parts.unseen > max(parts.seen, parts.misfit):
         cup = "Measure from a second cup: edbb plan --fixtures 2"
@@ -150,13 +150,18 @@ def _steps(c: Calibration, r: Release, used: float, pace: float | None) -> Itera
         wider = "Measure poses in parts of the workspace that the run leaves out"
         yield used - left, NextStep(what=wider, brings=_brings(20, pace, used, left, " at best"))
     if drift_counts(parts):
-        left = np.sqrt(max(used**2 - parts.drift**2, 0.0))
+        left = _without(parts.drift, used, r)
         warm = "Measure once the arm is warm, or log temperature_degC"
         yield used - left, NextStep(what=warm, brings=f"{_span(used, left, None)} at best")
     if misfit_counts(parts) and (place := r.misfit_place) is not None:
-        left = np.sqrt(max(used**2 - parts.misfit**2, 0.0))
+        left = _without(parts.misfit, used, r)
         where = f"with {', '.join(x.text for x in place.ranges)}" if place.ranges else "twice each ([plan] repeat)"
         yield used - left, NextStep(what=f"Measure 20 poses {where}", brings=_brings(20, pace, used, left, " at best"))
+
+
+def _without(part: float, used: float, r: Release) -> float:
+    """Return what is left of ``used`` without a part of it, at best as much as at poses like those measured [m]."""
+    return float(max(np.sqrt(max(used**2 - part**2, 0.0)), r.where_measured or 0.0))
 
 
 def _brings(poses: int, pace: float | None, before: float, after: float, how: str) -> str:

@@ -143,8 +143,8 @@ class DeclaredGeometry:
         if self.factor_at_most > 0.0:
             return (
                 f"all lengths may be off by one factor of {self._percent(self.factor)} ± "
-                f"{self._percent(self.factor_std)} ({self.factor_probability:.0%} likely): check scale and unit of the "
-                "gauge; the limit of 95 % counts with it",
+                f"{self._percent(self.factor_std)} ({100 * self.factor_probability:.0f} % likely): check scale and "
+                "unit of the gauge; the limit of 95 % counts with it",
             )
         # 3.5: standard deviations, below which more than half of all factors are not told
         unseen = max(3.5 * self.factor_std, GROSS.least_factor)

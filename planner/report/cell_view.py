@@ -229,7 +229,9 @@ def compose_cell_view(
     moving = _group_moving(cell, pieces)
     shells = tuple(_mm(sphere_cap(*surface)) for surface in cell.gauge.reach_surfaces(cell))
     standing = [body_mesh(p.body) for p in pieces if p.carrier == "world" and p.body.name != "floor"]
-    seen = [m.at(poses) for m in moving for poses in frames.poses[:: max(1, len(frames.poses) // 12)]]
+    # a beam from afar would make the robot small
+    framed = [m for m in moving if cell.has_bar() or m.name != cell.gauge.noun]
+    seen = [m.at(poses) for m in framed for poses in frames.poses[:: max(1, len(frames.poses) // 12)]]
     corners = np.vstack([*seen, *paths, *ways, *(s.vertices for s in shells)])
     near = np.vstack([s.vertices for s in shells] or [s.position for s in spots] or [corners])
     return CellView(

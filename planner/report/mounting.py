@@ -19,7 +19,7 @@ def mounting_steps(plan: Plan) -> list[str]:
     guide = gauge_class(cell.file).session_guide(cell.file)
     reading = f"{cell.gauge.reading_text(cell.file).partition('. ')[0].removesuffix('.')}."
     if not cell.has_bar():
-        return [*(f"{step.title}: {step.text}" for step in (*guide.before, *guide.at_start)), reading]
+        return [*(f"{step.title}. {step.text}" for step in (*guide.before, *guide.at_start)), reading]
     noun, fixtures = cell.gauge.noun, dict.fromkeys(d.mounting.fixture for d in plan.drives)
     steps = [
         f"Set up fixture {cell.fixtures[k].name or 'A'}: the {noun}'s end at {_vector(cell.fixtures[k].p_BX)} mm of "
@@ -91,7 +91,7 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
     ground = min(0.0, float(fixture[2]), 0.0 if cell.base.floor is None else float(to_mm(cell.base.floor)))
     flat = np.array([[p[:2] @ along, p[2]] for p in (fixture, ball, flange, np.array([0.0, 0.0, ground]))])
     size = np.array([480.0, 210.0])  # units of the drawing
-    left, top, right, below = 74.0, 40.0, 74.0, 38.0  # units of its margins, for what is written
+    left, top, right, below = 74.0, 40.0, 112.0, 38.0  # units of its margins, for what is written
     low, high = flat.min(axis=0), flat.max(axis=0)
     scale = float(((size - (left + right, top + below)) / np.maximum(high - low, 1.0)).min())
     drawn = [left, size[1] - below] + scale * (flat - low) * [1.0, -1.0]
@@ -100,7 +100,9 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
     length = cell.gauge.length_text(drive.visits[0].length)
     title = f"Fixture {cell.place_name(drive.mounting)}, {cell.gauge.noun} and flange from the side"
     gauge = f"{cell.gauge.noun} {length}"
-    return MountingDrawing(A, B, F, base, base[1], away, (x, y, z), gauge, f"holder {_vector(holder)} mm", title)
+    return MountingDrawing(
+        A, B, F, base, base[1], away, (x, y, z), gauge, f"ball at {_vector(holder)} mm of the flange", title
+    )
 
 
 def _vector(p: Array) -> str:

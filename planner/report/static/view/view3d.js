@@ -18,7 +18,7 @@ export function scaleColour(share) {
 // Orange, green and blue of Okabe and Ito, which the colour-blind tell apart; the letters say it too.
 const AXES = [["x", "#D55E00", [1, 0, 0]], ["y", "#009E73", [0, 1, 0]], ["z", "#0072B2", [0, 0, 1]]];
 
-function letterSprite(text, colour) {
+function letterSprite(text, colour, height) {
   const canvas = document.createElement("canvas"), size = 64;
   canvas.width = canvas.height = size;
   const pen = canvas.getContext("2d");
@@ -29,7 +29,7 @@ function letterSprite(text, colour) {
   const map = new THREE.CanvasTexture(canvas);
   map.colorSpace = THREE.SRGBColorSpace;
   const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map }));
-  sprite.scale.set(110, 110, 1); // mm
+  sprite.scale.set(height, height, 1); // mm
   return sprite;
 }
 
@@ -87,18 +87,18 @@ export class CellView {
   // Arrows x, y, z at the base, each with its letter and strokes every 100 mm; nothing hides them.
   addAxes() {
     const low = new THREE.Vector3(...this.view.low_mm), high = new THREE.Vector3(...this.view.high_mm);
-    const length = Math.max(300, Math.round(0.22 * low.distanceTo(high) / 100) * 100), axes = new THREE.Group();
+    const length = Math.max(100, Math.round(0.22 * low.distanceTo(high) / 100) * 100), axes = new THREE.Group();
     for (const [name, colour, along] of AXES) {
       const direction = new THREE.Vector3(...along), aside = new THREE.Vector3(along[1] + along[2], along[0], 0);
-      const arrow = new THREE.ArrowHelper(direction, new THREE.Vector3(), length, colour, 60, 30);
+      const arrow = new THREE.ArrowHelper(direction, new THREE.Vector3(), length, colour, 0.15 * length, 0.075 * length);
       const marks = [];
       for (let at = 100; at < length; at += 100) {
-        for (const s of [-12, 12]) marks.push(direction.clone().multiplyScalar(at).addScaledVector(aside, s));
+        for (const s of [-0.03 * length, 0.03 * length]) marks.push(direction.clone().multiplyScalar(at).addScaledVector(aside, s));
       }
       const strokes = new THREE.LineSegments(
         new THREE.BufferGeometry().setFromPoints(marks), new THREE.LineBasicMaterial({ color: colour }));
-      const letter = letterSprite(name, colour);
-      letter.position.copy(direction).multiplyScalar(length + 60);
+      const letter = letterSprite(name, colour, 0.28 * length);
+      letter.position.copy(direction).multiplyScalar(1.15 * length);
       axes.add(arrow, strokes, letter);
     }
     axes.traverse((node) => { if (node.material) { node.material.depthTest = false; node.renderOrder = 4; } });
