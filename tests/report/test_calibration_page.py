@@ -123,19 +123,6 @@ def test_the_figure_is_what_95_of_100_targets_are_within(c: Calibration) -> None
     assert another.next_steps[0].what.startswith("Measure 20 poses with a second tool point")
 
 
-def test_no_step_promises_less_than_the_error_at_poses_like_those_measured(c: Calibration) -> None:
-    """Where one part is the whole error, nothing would be left without it."""
-    r = c.release
-    assert r is not None
-    assert r.parts is not None
-    assert r.where_measured
-    parts = r.parts.model_copy(update={"seen": 0.0, "unseen": 0.0, "misfit": 0.0, "drift": c.workspace_error})
-    told = summarize(c.model_copy(update={"release": r.model_copy(update={"parts": parts})}))
-    (warm,) = [s for s in told.next_steps if s.what.startswith("Measure once the arm is warm")]
-    left = float(re.search(r"→ ([\d.]+) mm", warm.brings)[1])
-    assert left == pytest.approx(1e3 * r.where_measured, abs=0.006)
-
-
 @pytest.mark.parametrize(("times", "answer"), [(3.0, "yes"), (0.05, "no")])
 def test_a_tolerance_is_answered_in_the_headline(c: Calibration, times: float, answer: str) -> None:
     assert c.released is not None
