@@ -28,7 +28,10 @@ def wine(tmp_path_factory):
     kept = os.environ.get("EDBB_WINE")
     folder = Path(kept) if kept else tmp_path_factory.mktemp("wine")
     folder.mkdir(exist_ok=True)
-    made = Wine(folder, next(folder.glob("edbb-*-windows.zip"), None) or build_folder(folder))
+    packed = next(folder.glob("edbb-*-windows.zip"), None)
+    made = Wine(folder, packed or build_folder(folder))
+    if packed:
+        made.renew()
     yield made
     made.stop()
 

@@ -18,6 +18,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 USER = "Jürgen Groß"
+PATIENCE_S = 1200  # [s]; Wine doubles the time, and the machine may be busy
 RANDOM = """
 #include <windows.h>
 BOOLEAN WINAPI SystemFunction036(PVOID, ULONG);
@@ -104,7 +105,8 @@ class Wine:
             compile_it = ["x86_64-w64-mingw32-gcc", "-shared", "-O2", "-o", library, kept / "random.c", "-ladvapi32"]
             subprocess.run(compile_it, check=True)
         for file in kept.glob("*.dll"):
-            shutil.copy(file, self.python.parent)
+            if not (self.python.parent / file.name).is_file():  # it may be in use
+                shutil.copy(file, self.python.parent)
         self.env["WINEDLLOVERRIDES"] += "".join(f";{file.stem}=n,b" for file in kept.glob("*.dll"))
 
     def windows(self, path):
@@ -137,6 +139,14 @@ class Wine:
         got, said = self.run(self.program / "edbb.exe", *words, **how)
         assert got == code, said
         return said
+
+    def renew(self):
+        """Put the project as it is now into a folder that was unzipped earlier."""
+        site, made = self.python.parent / "Lib" / "site-packages", self.prefix.parent / "wheel"
+        shutil.rmtree(made, ignore_errors=True)
+        subprocess.run([sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", made, ROOT], check=True)
+        shutil.rmtree(site / "planner")
+        zipfile.ZipFile(next(made.glob("*.whl"))).extractall(site)
 
     def testing_python(self):
         """A Python with the same libraries, this checkout and what tests need; the unzipped folder stays as it is."""
