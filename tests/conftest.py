@@ -74,7 +74,9 @@ def pytest_xdist_make_scheduler(config, log):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
-    """Long tests that would begin after ``EDBB_LONG_UNTIL_S`` (seconds since 1970) are skipped, and counted."""
+    """Skip long tests that would begin after ``EDBB_LONG_UNTIL_S`` (seconds since 1970), and ``posix`` on Windows."""
     until = float(os.environ.get("EDBB_LONG_UNTIL_S", "inf"))
     if item.get_closest_marker("long") and time.time() > until:
         pytest.skip("no time was left for this long test")
+    if sys.platform == "win32" and item.get_closest_marker("posix"):
+        pytest.skip("this system has no links without rights, named pipes, fork or devices as files")

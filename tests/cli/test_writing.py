@@ -71,6 +71,7 @@ def test_a_file_that_a_person_changed_or_wrote_is_not_written_over(tmp_path):
     assert _content(out)["a.src"] == "two"
 
 
+@pytest.mark.posix
 def test_what_was_read_is_never_written_over(tmp_path):
     out, run = tmp_path / "out", tmp_path / "run.csv"
     _results(out, plan_json="{1}", cell_toml="cell")
@@ -97,6 +98,7 @@ def test_the_folder_that_one_is_in_is_no_folder_of_results(tmp_path, monkeypatch
             give(lambda stages: pytest.fail("nothing is computed before"), Path(where), False)
 
 
+@pytest.mark.posix
 def test_a_link_is_followed_and_a_device_is_written_to(tmp_path):
     (tmp_path / "real.csv").write_text("plan_id")
     (tmp_path / "link.csv").symlink_to(tmp_path / "real.csv")
@@ -112,6 +114,7 @@ def test_a_link_is_followed_and_a_device_is_written_to(tmp_path):
             write_text(wrong, "x")
 
 
+@pytest.mark.posix
 def test_a_program_of_several_files_follows_a_link_and_replaces_no_device(tmp_path):
     from planner.programs.rendering import ProgramFile
 
@@ -169,6 +172,7 @@ def _state(path: Path) -> dict[str, str]:
     return {str(p.relative_to(path)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize("kills", [10, pytest.param(140, marks=pytest.mark.long)])
 def test_a_kill_leaves_the_old_folder_or_the_new(tmp_path, kills):
     rng, big = np.random.default_rng(kills), "x" * 200_000
@@ -191,6 +195,7 @@ def test_a_kill_leaves_the_old_folder_or_the_new(tmp_path, kills):
     assert [p.name for p in tmp_path.iterdir()] == ["out"], "drafts of the killed are cleared"
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize("kills", [6, pytest.param(60, marks=pytest.mark.long)])
 def test_a_kill_leaves_no_mixture_of_a_program(tmp_path, kills):
     from planner.programs.rendering import ProgramFile

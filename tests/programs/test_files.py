@@ -15,6 +15,7 @@ def test_line_ends_are_kept(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["a.src"]
 
 
+@pytest.mark.posix
 def test_replaces_in_one_step_and_keeps_permissions(tmp_path: Path) -> None:
     path = tmp_path / "a"
     path.write_bytes(b"old")
@@ -26,6 +27,7 @@ def test_replaces_in_one_step_and_keeps_permissions(tmp_path: Path) -> None:
     assert path.stat().st_ino != inode
 
 
+@pytest.mark.posix
 def test_a_new_file_is_readable_as_usual(tmp_path: Path) -> None:
     old = os.umask(0o022)
     try:
