@@ -5,9 +5,12 @@ from typing import Any
 
 import pytest
 
-__all__ = ["MODULES", "fcl", "pin", "resource", "ruckig", "tty"]
+__all__ = ["MODULES", "fcl", "nc_gcode_interpreter", "pin", "resource", "ruckig", "tty"]
 
-MODULES = {"pinocchio", "coal", "fcl", "ompl", "ruckig", "resource", "tty", "termios", "pty", "fcntl", "pwd", "msvcrt"}
+MODULES = {
+    "pinocchio", "coal", "fcl", "ompl", "ruckig", "nc_gcode_interpreter", "resource", "tty", "termios", "pty", "fcntl",
+    "pwd", "msvcrt",
+}  # fmt: skip
 """What no test may import at its head: the packages of planning, and modules of one system."""
 
 
@@ -29,3 +32,4 @@ fcl: Any = Module("fcl")
 ruckig: Any = Module("ruckig")
 resource: Any = Module("resource")
 tty: Any = Module("tty")
+nc_gcode_interpreter: Any = Module("nc_gcode_interpreter")

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from types import SimpleNamespace
 
-import IPython
-import IPython.display
 import pytest
 
 from planner.common.calls import Call, ProgressKeyword, called_with
 from planner.common.progress import no_progress
+
+IPython = pytest.importorskip("IPython")
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import nc_gcode_interpreter
 import numpy as np
 import pytest
 
@@ -13,6 +12,7 @@ from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.instructions import JointMove, LogAxes, Program
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError, write_program
+from tests.not_everywhere import nc_gcode_interpreter
 from tests.programs.reading import read_back, verify
 from tests.programs.test_linuxcnc import RS274, _canonical, _numbers
 
