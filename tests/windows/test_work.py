@@ -119,3 +119,13 @@ def test_a_linux_pc_plans_for_it(wine, folders, tmp_path):
     finally:
         service.cut()
     assert {"plan.json", "report.html", "cell.toml"} <= {p.name for p in (there / "far").iterdir()}
+
+
+def test_the_folder_has_the_licences_of_all_that_is_in_it(wine):
+    site, licences = wine.python.parent / "Lib" / "site-packages", wine.program / "licences"
+    names = [info.name.removesuffix(".dist-info") for info in site.glob("*.dist-info")]
+    assert len(names) > 40
+    texts = {name: "".join(p.read_text(errors="replace") for p in (licences / name).iterdir()) for name in names}
+    assert [name for name, text in texts.items() if len(text) < 500] == []  # the shortest licence has 30 lines
+    assert "PYTHON SOFTWARE FOUNDATION LICENSE" in (licences / "Python.txt").read_text()
+    assert list(licences.glob("distlib-*/*"))  # of the launcher
