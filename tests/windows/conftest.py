@@ -15,7 +15,6 @@ PLAN = ROOT / "tests" / "data" / "kr6-plan"
 PART = "DEF part ( )\n  PTP {A1 10,A2 -80,A3 95,A4 5,A5 40,A6 0} C_PTP\nEND\n"
 MORE = (
     ("export", "mine/plan.json", "--dialect", "krl", "-o", "p.src"),
-    ("export", "mine/plan.json", "--dialect", "rapid", "-o", "p.mod"),
     ("check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated", "-o", "checked"),
     ("import", "axes.log", "gauge.log", "--map", "map.toml", "-o", "imported.csv"),
 )

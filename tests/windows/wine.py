@@ -8,9 +8,11 @@ folder Wine's own services would load them, and break.
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import zipfile
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
@@ -163,6 +165,14 @@ class Wine:
                 f"{self.windows(ROOT)}\n..\\site\npython311.zip\n.\nLib\\site-packages\n", encoding="utf-8"
             )
         return python / "python.exe"
+
+    def end(self, word):
+        """End the programs of this prefix that were started with a word."""
+        for process in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError):
+                words = (process / "cmdline").read_bytes().split(b"\0")
+                if word.encode() in words and os.fsencode(self.prefix) in (process / "environ").read_bytes():
+                    os.kill(int(process.name), signal.SIGKILL)
 
     def stop(self):
         """End all that runs in the prefix."""
