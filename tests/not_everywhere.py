@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-__all__ = ["MODULES", "fcl", "nc_gcode_interpreter", "pin", "resource", "ruckig", "tty"]
+__all__ = ["MODULES", "fcl", "nc_gcode_interpreter", "pin", "require_planning", "resource", "ruckig", "tty"]
 
 MODULES = {
     "pinocchio", "coal", "fcl", "ompl", "ruckig", "nc_gcode_interpreter", "resource", "tty", "termios", "pty", "fcntl",
@@ -33,3 +33,8 @@ ruckig: Any = Module("ruckig")
 resource: Any = Module("resource")
 tty: Any = Module("tty")
 nc_gcode_interpreter: Any = Module("nc_gcode_interpreter")
+
+
+def require_planning() -> None:
+    """Skip where paths cannot be judged, for want of a package."""
+    pin.Model, fcl.CollisionObject  # noqa: B018

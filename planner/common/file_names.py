@@ -32,7 +32,9 @@ def check_names(path: Path) -> None:
     parts = [part for part in path.parts if part != path.anchor]
     above = [Path(path.anchor, *parts[: k + 1]) for k in range(len(parts))]
     for part, here in zip(parts, above, strict=True):
-        if part == ".." or (path.is_absolute() and here != path and os.path.isdir(here)):
+        # Windows drops the dots that a name ends in, and then says that such a folder is there
+        exists = os.path.isdir(here) and not (os.name == "nt" and part.endswith((" ", ".")))
+        if part == ".." or (path.is_absolute() and here != path and exists):
             continue
         if fault := name_fault(part):
             raise InputError(f"{path.as_posix()[:300]!r}: cannot be written: '{part[:100]}' {fault}; take another name")

@@ -121,7 +121,9 @@ def test_an_open_file_of_a_folder_is_named_and_all_stays(tmp_path, windows, name
     results(out, "old")
     before = tree(out)
     windows.open_file = out / name
-    with pytest.raises(InputError, match=rf"{re.escape(name)}: another program has it open .*close it there"):
+    with pytest.raises(
+        InputError, match=rf"{re.escape(str(Path(name)))}: another program has it open .*close it there"
+    ):
         results(out, "new")
     assert tree(out) == before
     windows.open_file = None
@@ -167,6 +169,8 @@ GOOD = ["con1", "console", "auxiliary.csv", "COM10", "com", "a.aux", "null", ".h
 
 @pytest.mark.parametrize("name", [*DEVICES, *SIGNS, *ENDS])
 def test_names_that_windows_cannot_have_are_refused_everywhere(tmp_path, monkeypatch, name):
+    if os.name == "nt" and name in ("a:b", "c:", "a\\b"):
+        pytest.skip("a drive, or a file in a folder")
     monkeypatch.chdir(tmp_path)
     assert name_fault(name)
     for path in (Path(name), Path(name, "run.csv"), tmp_path / name, tmp_path / name / "deep" / "run.csv"):
@@ -185,6 +189,7 @@ def test_other_names_are_taken(tmp_path, name):
     assert (tmp_path / name).read_bytes() == b"x"
 
 
+@pytest.mark.posix
 def test_folders_that_are_there_from_the_root_are_not_judged(tmp_path):
     (tmp_path / "a:b").mkdir()
     write_bytes(tmp_path / "a:b" / "run.csv", b"x")

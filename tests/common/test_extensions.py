@@ -28,6 +28,10 @@ def _install(folder, **modules):
     return os.pathsep.join((str(folder), str(ROOT)))
 
 
+needs_path = pytest.mark.skipif(sys.flags.ignore_environment, reason="this Python asks for no PYTHONPATH")
+
+
+@needs_path
 def test_modules_of_an_installed_package_are_known(tmp_path):
     path = _install(tmp_path, dial="tests.gauges.plane_dial", hose="tests.effects.hose_pull")
     done = subprocess.run(
@@ -40,6 +44,7 @@ def test_modules_of_an_installed_package_are_known(tmp_path):
     assert done.stdout == "tests.gauges.plane_dial tests.effects.hose_pull True\n", done.stderr
 
 
+@needs_path
 @pytest.mark.parametrize(
     ("text", "said"),
     [

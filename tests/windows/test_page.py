@@ -91,7 +91,7 @@ def test_a_browser_outside_shows_the_page(page):
     with sync_playwright() as library:
         browser = library.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         shown, faults = browser.new_page(viewport={"width": 1280, "height": 800}), []
-        shown.on("pageerror", faults.append)
+        shown.on("pageerror", lambda error: faults.append(error))
         shown.goto(ADDRESS, timeout=PATIENCE_S * 1000)
         assert "KUKA KR 6 R700" in shown.inner_text("main", timeout=PATIENCE_S * 1000)
         if os.environ.get("EDBB_PICTURES"):

@@ -166,13 +166,13 @@ class Wine:
             )
         return python / "python.exe"
 
-    def end(self, word):
-        """End the programs of this prefix that were started with a word."""
+    def end(self, word, how=signal.SIGKILL):
+        """End the programs of this prefix that were started with a word; SIGINT is Ctrl-C to them."""
         for process in Path("/proc").glob("[0-9]*"):
             with suppress(OSError):
                 words = (process / "cmdline").read_bytes().split(b"\0")
                 if word.encode() in words and os.fsencode(self.prefix) in (process / "environ").read_bytes():
-                    os.kill(int(process.name), signal.SIGKILL)
+                    os.kill(int(process.name), how)
 
     def stop(self):
         """End all that runs in the prefix."""

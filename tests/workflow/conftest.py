@@ -9,6 +9,7 @@ import pytest
 import planner.design.pose_selection as pose_selection
 from planner.cell.reading import load_cell
 from tests.command import edbb
+from tests.not_everywhere import require_planning
 
 
 def small_cell(name, folder, *changes):
@@ -39,6 +40,7 @@ class Planned:
 
 
 def planned(name, folder, poses, *dialects, changes=()):
+    require_planning()
     path = small_cell(name, folder, *changes)
     words = [w for d in dialects for w in ("--dialect", d)]
     with pytest.MonkeyPatch.context() as patch:

@@ -16,6 +16,7 @@ from planner.session.course import Course, Waypoints, time_course
 from planner.session.plan_record import content_hash, part_hashes, waypoint_records
 from planner.session.planned_session import NOT_HASHED
 from planner.workflow.writing import write_cell
+from tests.not_everywhere import require_planning
 
 CANDIDATES = 400
 APART = 0.3  # [rad] between any two poses, by the joint that turns furthest
@@ -64,6 +65,7 @@ STATISTICS = {
 
 def write_small_plan(folder: Path, name: str, count: int) -> dict[str, object]:
     """Write the plan of a proven tour with its cell, signed and with hashes; return what ``plan.json`` says."""
+    require_planning()
     cell, tour = load_cell(name), proven_tour(name, count)
     course = small_course(cell, tour)
     length = np.linalg.norm(cell.map_position(tour) - cell.fixtures[0].p_BX, axis=1) * 1e3
