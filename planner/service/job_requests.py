@@ -342,8 +342,8 @@ class CompensationRequest(JobRequest):
         return [folder.file(self.program)]
 
     def output_words(self) -> tuple[str, ...]:
-        """Return the words for the folder of the corrected files; what is to be expected is printed."""
-        return ("-o", "out/", "--json")
+        """Return the words for the folder of the corrected files."""
+        return ("-o", "out/")
 
     def subject(self, folder: JobFolder) -> str:
         """Return the name of the program."""

@@ -103,18 +103,13 @@ class CheckForecastFile(PartialModel):
     changes: tuple[ForeseenChange, ...]
 
 
-class ExpectedAtTargets(PartialModel):
-    """Errors to be expected at the targets of a program [mm]."""
-
-    before_rms_mm: float
-    after_rms_mm: float
-
-
-class CorrectionPage(PartialModel):
-    """What the page of a corrected program needs of what its command has printed."""
-
-    summary: str
-    expected_error: ExpectedAtTargets | None = None
+def correction_text(context: ServiceContext, job: Job) -> tuple[str, str]:
+    """Return the error that is expected of a corrected program, and all that its command has said, line by line."""
+    said = [f for f in job.files if f.name in ("printed", "log")]
+    text = "\n".join(context.files.path(f.sha256).read_text(encoding="utf-8", errors="replace") for f in said)
+    lines = [line.rstrip() for line in text.splitlines() if line.strip() and not line.startswith("{")]
+    key = "  tool error  "
+    return next((line.removeprefix(key) for line in lines if line.startswith(key)), ""), "\n".join(lines)
 
 
 ROLES = {  # of poses: what is done there, and why

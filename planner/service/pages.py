@@ -34,7 +34,7 @@ from planner.service.page_content import (
     PLANS,
     CalibrationPage,
     CheckForecastFile,
-    CorrectionPage,
+    correction_text,
     find_action,
     finding_size,
     is_simulated,
@@ -239,13 +239,12 @@ def _show_check(context: ServiceContext, job: Job) -> HTMLResponse:
 
 def _show_correction(context: ServiceContext, job: Job) -> HTMLResponse:
     """A corrected program: what is to be expected of it, what to know, and the files."""
-    found = None
-    if job.state == "done" and any(f.name == "printed" for f in job.files):
-        found = CorrectionPage.model_validate(read_json(output_path(context, job.id, "printed")))
+    expected, text = correction_text(context, job) if job.state == "done" else ("", "")
     known = job.request.get("model")
     model = context.show(known) if known else None
     simulated = model is not None and is_simulated(context, model)
-    return render("correction", job=job, found=found, model=model, simulated=simulated, files=visible_files(job))
+    shown = {"expected": expected, "text": text, "files": visible_files(job)}
+    return render("correction", job=job, model=model, simulated=simulated, **shown)
 
 
 def _change_order(change: CheckedChange) -> tuple[int, str]:

@@ -147,7 +147,7 @@ def correct(page, calibration, folder, despite=False):
         page.check("#despite")
     page.click("#correct-form button:has-text('Correct')")
     ended_page(page, ".result")
-    expect(page.locator(".verdict")).to_contain_text("mm before")
+    expect(page.locator(".verdict")).to_contain_text("mm  rms at the 2 targets")
     expect(page.locator(".verdict a")).to_have_count(1)
     assert re.search("tool error|moved", page.inner_text("pre"))
 

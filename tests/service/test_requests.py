@@ -66,9 +66,9 @@ CASES = [
     ("validation", {"cell": "ur10/edbb", "runs": ["v.csv"], "model": KNOWN},
      "accuracy v.csv --cell ur10/edbb -o out --json --model calibrated/robot.toml", ["v.csv", *CALIBRATED]),
     ("compensation", {"program": "p.src", "model": KNOWN, "strict": True},
-     "compensate p.src -o out/ --json --model calibrated/robot.toml --strict", ["p.src", *CALIBRATED]),
+     "compensate p.src -o out/ --model calibrated/robot.toml --strict", ["p.src", *CALIBRATED]),
     ("compensation", {"program": "p.src", "files": ["p.dat"], "model": KNOWN},
-     "compensate p.src -o out/ --json --model calibrated/robot.toml", ["p.dat", "p.src", *CALIBRATED]),
+     "compensate p.src -o out/ --model calibrated/robot.toml", ["p.dat", "p.src", *CALIBRATED]),
 ]  # fmt: skip
 
 
