@@ -137,7 +137,8 @@ def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
 def show_job(id: JobId, context: Context) -> HTMLResponse:
     """A job: its progress, and its result once it has one."""
     job = _job(context, id)
-    if job.state == "done" and REQUESTS[job.kind].document not in {f.name for f in job.files}:
+    document = REQUESTS[job.kind].document
+    if job.state == "done" and document and document not in {f.name for f in job.files}:
         return _show_any(context, job)
     show = SHOWN.get(job.kind, _show_any)
     try:
