@@ -39,8 +39,8 @@ class JobPlace:
 
 
 SERIALS = """
-SELECT outputs.job AS job, serial FROM recorded JOIN outputs ON outputs.sha256 = document_sha256
-UNION SELECT inputs.job, serial FROM recorded JOIN inputs ON inputs.sha256 = document_sha256
+SELECT outputs.job AS job, serial FROM recorded JOIN outputs ON outputs.sha256 = document_sha256 WHERE withdrawn = 0
+UNION SELECT inputs.job, serial FROM recorded JOIN inputs ON inputs.sha256 = document_sha256 WHERE withdrawn = 0
 UNION SELECT plan, serial FROM cell_sessions WHERE serial != ''
 """
 """Jobs with the serial numbers of their robots: whose results a record holds, that start from one, whose plan it is."""
