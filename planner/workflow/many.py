@@ -1,7 +1,6 @@
 """Many simulated runs and many identifications, side by side on all processors."""
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -83,9 +82,10 @@ def identify_many(
         >>> fits = identify_many(runs, plan="session/plan.json")  # doctest: +SKIP
         >>> np.std([fit.values for fit in fits], axis=0)  # doctest: +SKIP
     """
-    read = partial(called_with(IdentifyCall)(read_measured_runs), release=release, no_trace=no_trace, **options)
+    read = called_with(IdentifyCall)(read_measured_runs)
+    given = {"release": release, "no_trace": no_trace, "progress": no_progress, **options}
     # files are read here: data frames hang in a copy
-    return _each(fit_runs, [read(run, progress=no_progress) for run in runs], "identified runs", processes, progress)
+    return _each(fit_runs, [read(run, **given) for run in runs], "identified runs", processes, progress)
 
 
 def _each(
