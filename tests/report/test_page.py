@@ -79,7 +79,7 @@ def test_head_says_plan_cell_and_notes(plan: Plan, page: ReadPage) -> None:
 def test_certificate_in_words_holds(plan: Plan, page: ReadPage) -> None:
     choice = plan.choice
     found = re.search(
-        r"No (\d+) of the ([\d\u202f]+) candidate poses have a condition number below ([\d.]+)\.", page.text
+        r"No (\d+) of the ([\d\u202f]+) candidate poses have a condition number in m, rad below ([\d.]+)\.", page.text
     )
     assert found
     assert int(found[1]) == len(choice.q)
