@@ -55,7 +55,7 @@ def test_an_effect_of_ones_own_is_found(tmp_path):
     done = subprocess.run(script, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert done.returncode == 0, done.stderr
     text = done.stdout
-    assert "joint 2: the hose pulls once joint 4 has wound it up" in text
+    assert "hose pull, joint 2 by joint 4" in text.lower()
     found = json.loads((tmp_path / "out" / "identification.json").read_text())["findings"]
     assert [(f["effect"], f["on"]) for f in found] == [("hose pull", "joint 2 by joint 4")]
 

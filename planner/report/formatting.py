@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from math import ceil, floor, isfinite, log10
 
+import numpy as np
+
 from planner.cell.cell import Cell
 from planner.common.units import UM, to_mm
 from planner.design.discrimination.power import Discrimination
@@ -144,14 +146,23 @@ def verdict_rows(what: str, verdicts: Sequence[Verdict], cell: Cell) -> list[tup
         (
             f"{what}, judged by {v.engine}",
             f"{'free, proven between the checked states too' if v.clear else 'not proven free'}; "
-            f"nearest pair {float(to_mm(v.clearance)):.1f} mm apart ({asked})",
+            f"{nearest_pair_text(v)} ({asked})",
         )
         for v in verdicts
     ]
+
+
+def nearest_pair_text(verdict: Verdict) -> str:
+    """Say how near the nearest pair of bodies comes; that there is none, where the arm has no bodies."""
+    if not np.isfinite(verdict.clearance):
+        return "no pair of bodies to look at"
+    return f"nearest pair {float(to_mm(verdict.clearance)):.1f} mm apart"
 
 
 def clearance_fact(verdicts: Sequence[Verdict], cell: Cell) -> tuple[str, str, str]:
     """Say how near any pair of bodies comes: (what, value, remark)."""
     engines = ", ".join(dict.fromkeys(v.engine for v in verdicts))
     bare = "" if cell.robot.bodies else f" without the arm: {cell.robot.name} has no bodies"
-    return ("clearance", f"{float(to_mm(min(v.clearance for v in verdicts))):.1f} mm", f"found by {engines}{bare}")
+    least = min(v.clearance for v in verdicts)
+    size = f"{float(to_mm(least)):.1f} mm" if np.isfinite(least) else "no pair of bodies"
+    return ("clearance", size, f"found by {engines}{bare}")
