@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.long_runs import ORDER, RUNS, LongRun, in_order, rooms_below, updated, within
+from tests.long_runs import ORDER, RUNS, LongRun, failed_files, in_order, rooms_below, updated, within
 
 MANY = [LongRun(f"tests/{room}/test_{k}.py", f"2026-01-0{1 + k}", "", "60") for room in ORDER for k in range(5)]
 
@@ -54,3 +54,12 @@ def test_only_files_that_passed_whole_are_dated(tmp_path):
 @pytest.mark.parametrize("seconds", [1.0, 240.0])
 def test_as_many_as_the_time_holds(seconds):
     assert len(within(MANY, seconds)) == max(1, seconds // 60)
+
+
+def test_files_that_failed_are_those_of_the_report(tmp_path):
+    report = tmp_path / "report.xml"
+    report.write_text(
+        '<testsuites><testsuite><testcase file="a.py" time="1"/><testcase file="b.py" time="1"><failure/></testcase>'
+        '<testcase file="c.py" time="1"><error/></testcase></testsuite></testsuites>'
+    )
+    assert failed_files(report) == {"b.py", "c.py"}
