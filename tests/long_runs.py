@@ -130,11 +130,11 @@ def updated(table: Iterable[LongRun], report: Path, commit: str) -> list[LongRun
     """Return the table with the files that ran whole and passed, by pytest's report."""
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M")
     seconds: dict[str, float] = {}
-    failed = set()
+    failed = failed_files(report)
     for case in ET.parse(report).iter("testcase"):
         file = str(case.get("file"))
         seconds[file] = seconds.get(file, 0.0) + float(case.get("time", 0))
-        if case.find("failure") is not None or case.find("error") is not None or _out_of_time(case):
+        if _out_of_time(case):
             failed.add(file)
     passed = {f: LongRun(f, now, commit, f"{max(s, 1):.0f}") for f, s in seconds.items() if f not in failed}
     return [passed.get(r.file, r) for r in table]

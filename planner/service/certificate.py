@@ -15,7 +15,7 @@ from planner.common.errors import InputError
 from planner.common.files import document_text, text_hash, write_text
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import to_mm
-from planner.model.identification_document import Identification
+from planner.model.identification_document import Identification, Release
 from planner.model.use_statement import ToolName
 from planner.model.use_text import TOOLS, bound_text
 from planner.service.job_folder import JobId
@@ -136,7 +136,7 @@ def model_errors(document: Identification) -> dict[ToolName, tuple[float, str]]:
     about = "rms {} over the workspace, 95 % sure, as 95 of 100 targets; half of it"
     out: dict[ToolName, tuple[float, str]] = {}
     if (r := document.release) is not None:
-        ratio = r.at_most / document.workspace_error if document.workspace_error else 1.0
+        ratio = _limit_ratio(document, r)
         rms: dict[ToolName, float] = {"measured": r.at_most, "another": r.other_tool * ratio}
         if r.work_tool is not None:
             rms["own"] = r.work_tool.anywhere * ratio
@@ -147,6 +147,11 @@ def model_errors(document: Identification) -> dict[ToolName, tuple[float, str]]:
     if (summary := document.summary) is not None and summary.targets_within is not None:
         out[summary.tool] = (summary.targets_within, sure.format(bound_text(summary.targets_within)))
     return out
+
+
+def _limit_ratio(document: Identification, release: Release) -> float:
+    """Return the 95 % limit over the stated error, which other stated errors are taken times."""
+    return release.at_most / document.workspace_error if document.workspace_error else 1.0
 
 
 def error_of_use(document: Identification, tool: ToolName, region: Region) -> tuple[float, str]:
@@ -164,8 +169,7 @@ def error_of_use(document: Identification, tool: ToolName, region: Region) -> tu
     r = document.release
     if tool != "measured" or r is None or r.where_measured is None:
         raise ClaimError("for poses like those of the run an error is stated with the measured tool alone, if at all")
-    ratio = r.at_most / document.workspace_error if document.workspace_error else 1.0
-    rms = r.where_measured * ratio
+    rms = r.where_measured * _limit_ratio(document, r)
     return WITHIN_95_OF_RMS * rms, f"rms {bound_text(rms)} at poses of the run, 95 % sure, as 95 of 100; half of it"
 
 
@@ -243,10 +247,16 @@ def read_certificate(record: Path, number: str) -> CertificateFile:
     return file
 
 
+def number_parts(number: str) -> tuple[str, int]:
+    """Return the serial number and the count of which the number of a certificate is made."""
+    serial, _, count = number.rpartition("-C")
+    return serial, int(count)
+
+
 def certificate_numbers(record: Path) -> list[str]:
     """Return the numbers of the certificates of a record, the oldest first."""
     found = (p.name.removesuffix(".json") for p in (record / "certificates").glob("*-C*.json"))
-    return sorted((n for n in found if not n.endswith(".withdrawn")), key=lambda n: int(n.rpartition("-C")[2]))
+    return sorted((n for n in found if not n.endswith(".withdrawn")), key=lambda n: number_parts(n)[1])
 
 
 def withdraw_certificate(record: Path, number: str, withdrawal: Withdrawal) -> None:

@@ -1,7 +1,7 @@
 """Routes of certificates: issued here, frozen, shown with whether they still hold, and withdrawn."""
 
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Request, Response
 from fastapi import Path as InPath
@@ -16,6 +16,7 @@ from planner.service.certificate import (
     CertificateFile,
     CertificateRequest,
     certificate_path,
+    number_parts,
     read_certificate,
     read_certificate_withdrawal,
     withdraw_certificate,
@@ -25,15 +26,14 @@ from planner.service.certificate_content import build_certificate
 from planner.service.certificate_pdf import certificate_pdf
 from planner.service.context import Context, ServiceContext
 from planner.service.login import is_secure
-from planner.service.problems import Problem
+from planner.service.problems import MISSING
 from planner.service.record_api import Reason
 from planner.service.record_store import UnknownRecordError
 from planner.service.rendering import ROOT, render
-from planner.service.standing import change_text, newer_calibration
+from planner.service.standing import change_text, newer_calibration_text
 
 CERTIFICATES = APIRouter()
 Number = Annotated[str, InPath(pattern=f"^{NUMBER}$", description="of the certificate", examples=["KR6-0815-C01"])]
-MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
 
 
 class IssuedCertificate(StrictModel):
@@ -76,7 +76,7 @@ def withdraw(number: Number, body: Reason, context: Context) -> IssuedCertificat
     """Withdraw a certificate with a reason; it stays, and says so."""
     find_certificate(context, number)
     with context.records.index.hold_alone():
-        withdraw_certificate(context.records.path(_serial(number)), number, body.withdrawal)
+        withdraw_certificate(context.records.path(number_parts(number)[0]), number, body.withdrawal)
     return find_certificate(context, number)
 
 
@@ -94,15 +94,11 @@ def find_certificate(context: ServiceContext, number: str) -> IssuedCertificate:
         UnknownRecordError: there is none of that number.
         InputError: it is not what was issued.
     """
-    folder = context.records.path(_serial(number))
+    folder = context.records.path(number_parts(number)[0])
     if not certificate_path(folder, number).is_file():
         raise UnknownRecordError(f"there is no certificate {number}")
     context.records.index.refresh()
     return _describe(context, read_certificate(folder, number))
-
-
-def _serial(number: str) -> str:
-    return number.rpartition("-C")[0]
 
 
 def _describe(context: ServiceContext, file: CertificateFile) -> IssuedCertificate:
@@ -122,8 +118,8 @@ def _fault(context: ServiceContext, c: Certificate) -> str:
     for e in record.valid_entries:
         if e.number > c.last_entry and isinstance(e.document, CheckFile) and not e.document.passed:
             return f"the check of {e.file.circumstances.date} failed: {change_text(e.document)}"
-    if (newer := newer_calibration(record, entry)) is not None:
-        return f"{c.serial} was calibrated anew on {newer.file.circumstances.date}"
+    if newer := newer_calibration_text(record, entry):
+        return newer
     for failed in context.judge.failed_checks(c.document_sha256):
         if not failed.recorded and datetime.fromtimestamp(failed.finished, UTC) >= c.issued:
             return f"the check of {failed.day} failed: {change_text(failed.check)}"

@@ -9,8 +9,8 @@ from planner import load_cell
 from planner.cell.file import CellFile
 from planner.cell.reading import gauge_class
 from planner.cell.sections import read_cell_file
-from planner.checks.record import AccuracyFile, Circumstances, RecordEntry, RobotRecord
-from planner.common.schema import read_json, read_toml, validate
+from planner.checks.record import AccuracyFile, Circumstances, RecordEntry, RobotRecord, read_document
+from planner.common.schema import read_toml
 from planner.common.units import to_mm
 from planner.kinematics.robot_file import RobotDescription
 from planner.model.identification_document import Identification, Metrics
@@ -28,6 +28,7 @@ from planner.service.certificate import (
     certificate_numbers,
     expanded_uncertainty,
     list_exclusions,
+    number_parts,
     uncertainty_budget,
 )
 from planner.service.context import ServiceContext
@@ -61,7 +62,7 @@ def build_certificate(context: ServiceContext, request: CertificateRequest, base
         raise UncertifiedError(f"this calibration holds no more: {standing.fault}")
     record, folder = context.records.read(known.serial), context.records.path(known.serial)
     entry = next(e for e in record.entries if e.number == known.number)
-    last = max((int(n.rpartition("-C")[2]) for n in certificate_numbers(folder)), default=0)
+    last = max((number_parts(n)[1] for n in certificate_numbers(folder)), default=0)
     number = f"{known.serial}-C{last + 1:02d}"
     return folder, _fill(context, request, job, record, entry, number, f"{base}/certificates/{number}")
 
@@ -168,9 +169,8 @@ def find_validation(context: ServiceContext, robot_sha256: str) -> AccuracyFile 
     mine = next((j for j in done if robot_sha256 in j.command.inputs_of("--model").values()), None)
     if mine is None:
         return None
-    path = output_path(context, mine.id, "accuracy.json")
-    found = validate(read_json(path), AccuracyFile, str(path))
-    return found if found.after is not None else None
+    found = read_document(output_path(context, mine.id, "accuracy.json"), "validation")
+    return found if isinstance(found, AccuracyFile) and found.after is not None else None
 
 
 def _results(found: CalibrationPage) -> list[ErrorRow]:

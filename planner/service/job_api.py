@@ -28,7 +28,7 @@ from planner.service.job_record import JobEvent, JobOutput, JobRecord
 from planner.service.job_request import JobRequest
 from planner.service.job_requests import REQUESTS
 from planner.service.job_store import JobCheck, JobStore
-from planner.service.problems import Problem
+from planner.service.problems import MISSING, Problem
 
 JOBS = APIRouter(prefix="/api", tags=["jobs"])
 
@@ -124,14 +124,14 @@ def list_jobs(context: Context, request: Request, response: Response, page: Anno
         return context.describe_all(found[: page.most])
 
 
-@JOBS.get("/jobs/{id}", responses={404: {"model": Problem}})
+@JOBS.get("/jobs/{id}", responses=MISSING)
 async def get_job(id: JobId, context: Context) -> Job:
     """Get a job: how far it is, and what it has written."""
     # no thread: a read of the database waits for nobody, and many pages ask at once
     return context.show(id)
 
 
-@JOBS.patch("/jobs/{id}", responses={404: {"model": Problem}})
+@JOBS.patch("/jobs/{id}", responses=MISSING)
 def change_job(id: JobId, changes: JobChanges, context: Context) -> Job:
     """Give a job another title or a note, or put it aside; what is not given stays."""
     return context.describe(context.keeper.change(id, changes, own_check(context)))
@@ -147,7 +147,7 @@ def delete_job(id: JobId, context: Context) -> None:
         context.keeper.delete(id, own_check(context))
 
 
-@JOBS.post("/jobs/{id}/cancel", responses={404: {"model": Problem}})
+@JOBS.post("/jobs/{id}/cancel", responses=MISSING)
 def cancel_job(id: JobId, context: Context) -> Job:
     """Stop a job; what has ended stays as it is, and what others have asked for too goes on for them."""
     if not context.jobs.get(id).ended and context.jobs.leave(id, CALLER.get().name):
@@ -181,7 +181,7 @@ def get_report(id: JobId, context: Context) -> FileResponse:
     return answer
 
 
-@JOBS.get("/jobs/{id}/files/{name:path}", responses={404: {"model": Problem}})
+@JOBS.get("/jobs/{id}/files/{name:path}", responses=MISSING)
 def get_file(id: JobId, name: str, context: Context) -> FileResponse:
     """Get one of the files that a job has written."""
     found = find_output(context, id, name)

@@ -16,7 +16,7 @@ from planner.service.certificate import certificate_numbers
 from planner.service.context import Context, ServiceContext
 from planner.service.job_api import LIST_MOST, next_link
 from planner.service.job_folder import EverySystem, JobId
-from planner.service.problems import Problem
+from planner.service.problems import MISSING
 from planner.service.record_index import (
     PLACE,
     RecordedEntry,
@@ -29,7 +29,6 @@ from planner.service.record_index import (
 )
 
 RECORDS = APIRouter(prefix="/api", tags=["records"])
-MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
 SERIAL = "^[A-Za-z0-9][A-Za-z0-9._-]{0,60}$"
 Serial = Annotated[str, InPath(pattern=SERIAL, description="serial number", examples=["KR6-0815"]), EverySystem]
 SerialText = Annotated[str, Field(pattern=SERIAL, description="serial number", examples=["KR6-0815"]), EverySystem]

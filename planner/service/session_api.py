@@ -1,7 +1,7 @@
 """Routes of sessions at the cell: what one device ticks others see, also what was ticked without a network."""
 
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 from fastapi import Path as InPath
@@ -16,7 +16,7 @@ from planner.service.context import Context, ServiceContext
 from planner.service.job_api import output_path
 from planner.service.job_folder import JobId
 from planner.service.page_content import PLANS, read_plan_document
-from planner.service.problems import Problem
+from planner.service.problems import MISSING
 from planner.service.record_api import SerialText
 from planner.service.record_index import RobotFilter
 from planner.service.rendering import STATIC, render
@@ -25,7 +25,6 @@ from planner.service.sheets import session_content
 
 SESSIONS = APIRouter()
 SessionId = Annotated[str, InPath(pattern="^[0-9a-f]{24}$", description="identifier of a session")]
-MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
 
 
 class SessionRequest(StrictModel):

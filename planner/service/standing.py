@@ -5,10 +5,9 @@ from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
 
-from planner.checks.record import DOCUMENTS, AccuracyFile, CheckFile, RecordEntry, RobotRecord
+from planner.checks.record import DOCUMENTS, AccuracyFile, CheckFile, RecordEntry, RobotRecord, read_document
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.schema import read_json, validate
-from planner.model.identification_document import Identification
 from planner.service.answers import Job, Sense
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobStore
@@ -27,15 +26,13 @@ class Verdict:
 def _judge(path: Path, name: str) -> Verdict | None:
     """Judge a document; content-addressed, so read once."""
     try:
-        if name == "check.json":
-            check = read_check(path)
-            return Verdict(check.outcome, "good" if check.passed else "bad")
-        if name == "accuracy.json":
-            after = validate(read_json(path), AccuracyFile, str(path)).after
-            return None if after is None else Verdict(f"{after.mean_mm:.3f} mm mean after", "open")
-        found = Identification.read(path)
+        found = read_document(path, DOCUMENTS[name])
     except InputError:  # another version wrote it, or it was just deleted
         return None
+    if isinstance(found, CheckFile):
+        return Verdict(found.outcome, "good" if found.passed else "bad")
+    if isinstance(found, AccuracyFile):
+        return None if found.after is None else Verdict(f"{found.after.mean_mm:.3f} mm mean after", "open")
     if found.reason_not_to_use:
         return Verdict("not to be used", "bad")
     if (summary := found.summary) is None:
@@ -78,9 +75,8 @@ class JudgedCheck:
 
     def fault(self, serial: str) -> str:
         """Say what it has found, of which robot, and what to do."""
-        who = f"robot {serial}" if serial else "robot"
-        beside = "" if self.recorded or not serial else "; this check is not in the record yet"
-        return f"the {who} has changed: {change_text(self.check)} (check of {self.day}{beside})"
+        note = "" if self.recorded or not serial else "; this check is not in the record yet"
+        return changed_text(serial, self.check, self.day, note)
 
 
 def change_text(check: CheckFile) -> str:
@@ -88,10 +84,16 @@ def change_text(check: CheckFile) -> str:
     return "; ".join(filter(None, (check.cause, check.advice)))
 
 
-def newer_calibration(record: RobotRecord, entry: RecordEntry) -> RecordEntry | None:
-    """Return the calibration of a record that has come after an entry; ``None`` where none has."""
+def changed_text(serial: str, check: CheckFile, day: object, note: str = "") -> str:
+    """Say that a robot has changed, by which check, and what to do."""
+    return f"the {f'robot {serial}' if serial else 'robot'} has changed: {change_text(check)} (check of {day}{note})"
+
+
+def newer_calibration_text(record: RobotRecord, entry: RecordEntry) -> str:
+    """Say that a calibration of a record has come after an entry; empty where none has."""
     after = record.entries[record.entries.index(entry) + 1 :]
-    return next((e for e in after if e.file.kind == "calibration" and e.withdrawn is None), None)
+    newer = next((e for e in after if e.file.kind == "calibration" and e.withdrawn is None), None)
+    return "" if newer is None else f"{record.file.serial} was calibrated anew on {newer.file.circumstances.date}"
 
 
 class Judge:
@@ -126,14 +128,13 @@ class Judge:
         except InputError as err:
             return Standing(known.serial, f"the record of {known.serial} cannot be read: {err}")
         entry = next(e for e in record.entries if e.number == known.number)
-        if newer := newer_calibration(record, entry):
-            return Standing(known.serial, f"{known.serial} was calibrated anew on {newer.file.circumstances.date}")
+        if newer := newer_calibration_text(record, entry):
+            return Standing(known.serial, newer)
         if latest is not None:
             return Standing(known.serial, latest.fault(known.serial), latest.job)
         if (failure := record.failure) is not None:
             day, check = failure
-            text = f"the robot {known.serial} has changed: {change_text(check)} (check of {day})"
-            return Standing(known.serial, text)
+            return Standing(known.serial, changed_text(known.serial, check, day))
         return Standing(known.serial)
 
     def failed_checks(self, document: str) -> list[JudgedCheck]:
