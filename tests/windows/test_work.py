@@ -107,9 +107,10 @@ def test_a_gauge_at_a_com_port_is_read(wine, folders):
     assert f"{lengths[first] + 0.25:.3f}" in (there / "measured.csv").read_text()
 
 
-def test_planning_says_what_to_do(wine, folders):
+@pytest.mark.parametrize("words", [("plan", "kuka-kr6-r700/edbb"), ("demo",)], ids=" ".join)
+def test_planning_says_what_to_do(wine, folders, words):
     there, _ = folders
-    said = wine.edbb("plan", "kuka-kr6-r700/edbb", "-o", "no", cwd=there, code=4)
+    said = wine.edbb(*words, "-o", "no", cwd=there, code=4)
     assert "--server URL" in said
     assert "WSL" in said
     assert not (there / "no").exists()
