@@ -68,6 +68,10 @@ def pictures() -> Iterator[Picture]:
     numbers = ("planner/reproduction/numbers.json", "planner/reproduction/pictures.py")
     for name in ("pruning", "tour", "circle_and_path", "sine", "accuracy"):
         yield Picture(f"papers_{name}.png", partial(_of_papers, name), numbers)
+    pages = ("planner/service/templates/base.html.j2", f"{DRAWING}/pages.py")
+    yield Picture("page_start.png", partial(_page, "start_page"), ("planner/service/templates/start.html.j2", *pages))
+    shown = ("planner/service/templates/calibrate.html.j2", "planner/service/static/calibrate.js", *pages)
+    yield Picture("page_calibrate.png", partial(_page, "calibrate_page", ROOT / plans["kuka-bar"][0]), shown)
     for run, title in TITLES.items():
         yield Picture(f"{run}_stages.png", partial(_chart, "stages", run, title), _of_run(run))
 
@@ -125,6 +129,13 @@ def _stopping(goal: str) -> bytes:
     from docs.drawing.stopping import stopping_curves
 
     return stopping_curves(goal)
+
+
+def _page(function: str, *arguments: object) -> bytes:
+    import docs.drawing.pages as pages
+
+    shown: bytes = getattr(pages, function)(*arguments)
+    return shown
 
 
 def _of_papers(name: str) -> bytes:

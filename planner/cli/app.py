@@ -19,7 +19,7 @@ from planner.cli.declared import folder_command
 from planner.cli.terminal import Manner, errors
 from planner.common.calls import GROUPS, MORE
 from planner.common.commands import extension_commands, remote_function
-from planner.common.console import spell_unencodable
+from planner.common.console import encode_output
 from planner.common.errors import InputError, LookFirst, MissingProgramError, PlannerError
 from planner.common.exchange import short_path
 from planner.common.extensions import broken_extensions
@@ -227,7 +227,7 @@ def _run_on_server(url: str, words: list[str]) -> int:
 
 def main() -> None:
     """Run the command line; the exit code is the error's own (docs/formats.md)."""
-    spell_unencodable()
+    encode_output()
     ended = ""
     try:
         with results_alone():

@@ -25,12 +25,26 @@ def spell_plainly(err: UnicodeError) -> tuple[str, int]:
     return "".join(PLAIN.get(letter, "?") for letter in err.object[err.start : err.end]), err.end
 
 
-def spell_unencodable() -> None:
-    """Let standard output and errors spell plainly what their encoding lacks, where it is not UTF-8."""
+def encode_output() -> None:
+    """Let standard output and errors be UTF-8 in a file or a pipe, unless PYTHONIOENCODING says otherwise.
+
+    What a screen, or that other encoding, lacks is spelt plainly.
+    """
     codecs.register_error(NAME, spell_plainly)
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper) and codecs.lookup(stream.encoding).name != "utf-8":
+        if not isinstance(stream, TextIOWrapper):
+            continue
+        if "PYTHONIOENCODING" not in os.environ and not _is_screen(stream):
+            stream.reconfigure(encoding="utf-8", errors=stream.errors)
+        elif codecs.lookup(stream.encoding).name != "utf-8":
             stream.reconfigure(errors=NAME)
+
+
+def _is_screen(stream: TextIOWrapper) -> bool:
+    try:
+        return os.isatty(stream.fileno())
+    except (OSError, ValueError):  # it has no file, or is closed
+        return False
 
 
 def as_word(path: Path | str) -> str:

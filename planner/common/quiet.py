@@ -44,7 +44,7 @@ def results_alone() -> Iterator[None]:
     """Let Python's ``sys.stdout`` alone write to standard output; what compiled code and programs print goes to errors.
 
     Whatever a library prints, and whenever, what a command writes there stays what it says it is, such as JSON.
-    What does not go to a screen is in UTF-8, unless PYTHONIOENCODING says otherwise, with the line ends that it has.
+    What does not go to a screen has the line ends that are written.
     Nothing is done where ``sys.stdout`` is not the process's own, or either of the two is closed.
     """
     plain = sys.stdout
@@ -61,11 +61,9 @@ def results_alone() -> Iterator[None]:
     plain.flush()
     os.dup2(STANDARD_ERROR, STANDARD_OUTPUT)
     screen = os.isatty(kept)
-    encoding = plain.encoding if screen or "PYTHONIOENCODING" in os.environ else "utf-8"
     try:
-        with open(
-            kept, "w", 1 if screen else -1, encoding, plain.errors, newline=None if screen else "", closefd=False
-        ) as results:
+        newline = None if screen else ""
+        with open(kept, "w", 1 if screen else -1, plain.encoding, plain.errors, newline, closefd=False) as results:
             sys.stdout = results
             yield
     finally:

@@ -136,9 +136,7 @@ def main() -> None:
     INPUTS.confine((here.parent, data_folder("robots"), data_folder("g-code"), Path(planner.__file__).parent))
     confine_process(here.parent, [data_folder("robots"), data_folder("g-code"), Path(planner.__file__).parents[1]])
     sys.argv = ["edbb", *job.command.words]
-    runpy.run_module(
-        "planner.service.tasks" if job.command.task else "planner.cli", run_name="__main__", alter_sys=True
-    )
+    runpy.run_module(job.command.module, run_name="__main__", alter_sys=True)
 
 
 def limit_resources(job: JobSpecification) -> None:

@@ -23,6 +23,12 @@ class JobCommand:
     inputs: tuple[JobInput, ...] = ()
     task: bool = False
 
+    @property
+    def module(self) -> str:
+        """Return the module that runs it."""
+        own = self.task or self.words[0] == "plan-upload"
+        return "planner.service.tasks" if own else "planner.cli"
+
     def option(self, name: str) -> str | None:
         """Return the word of an option, ``None`` where it is not given."""
         words = (w.partition("=") for w in self.words)

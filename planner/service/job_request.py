@@ -170,6 +170,14 @@ def schema_of_one_key(**schemas: dict[str, Any]) -> dict[str, Any]:
     return {"anyOf": [{"required": [key], "properties": {key: schema}} for key, schema in schemas.items()]}
 
 
+def schema_of_one_run() -> dict[str, Any]:
+    """Return the schema of a request with either one file, or a simulation."""
+    one, none = {"minItems": 1, "maxItems": 1}, {"maxItems": 0}
+    runs = {"required": ["runs"], "properties": {"runs": one, "simulation": {"type": "null"}}}
+    simulation = {"required": ["simulation"], "properties": {"simulation": {"type": "string"}, "runs": none}}
+    return {"oneOf": [runs, simulation]}
+
+
 GIVEN = {"type": "string"}
 RUNS_OR_SIMULATION = schema_of_one_key(runs={"type": "array", "minItems": 1}, simulation=GIVEN)
 PLAN_OR_CELL = schema_of_one_key(plan=GIVEN, cell=GIVEN)

@@ -1,6 +1,6 @@
 """What a client may ask for: one model a kind of job, with the command that it becomes."""
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -24,6 +24,7 @@ from planner.service.job_request import (
     Word,
     options,
     schema_of_one_key,
+    schema_of_one_run,
 )
 from planner.studies.study_call import StudyCall
 from planner.workflow.accuracy_call import AccuracyCall
@@ -125,6 +126,37 @@ class StudyRequest(CellRequest):
 
     kind = "study"
     example = {"cell": "comau-nj130/edbb"}
+
+
+class PlanUploadRequest(JobRequest):
+    """Take a plan that was made elsewhere: its job is a plan like one made here."""
+
+    kind = "plan-upload"
+    example = {"files": [{"id": SOME_FILE, "name": "plan.json"}, {"id": SOME_FILE, "name": "cell.toml"}]}
+    files: Annotated[
+        list[FileInFolder],
+        Field(max_length=500, description="plan.json, cell.toml and the files that the cell names, as they lie there"),
+    ]
+    title: Annotated[str, Field(max_length=120, pattern=r"^[^\x00-\x1f]*$", description="of what the plan is")] = ""
+
+    @property
+    def job_kind(self) -> str:
+        """A plan, wherever it was made."""
+        return PlanRequest.kind
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Lay the files into a folder; return the path of the plan."""
+        for file in self.files:
+            folder.file(FileInFolder(id=file.id, name=f"plan/{file.name}"))
+        return ["plan/plan.json"]
+
+    def subject(self, folder: JobFolder) -> str:
+        """Return the title that was given, or the robot."""
+        return self.title or self.robot(folder) or "plan.json"
+
+    def robot(self, folder: JobFolder) -> str:
+        """Return the robot of the cell."""
+        return next((folder.robot(f.id) for f in self.files if f.name == "cell.toml"), "")
 
 
 class CellCheckRequest(CellRequest):
@@ -245,14 +277,6 @@ class ErrorMapRequest(OfIdentificationRequest):
         return [folder.cell_of(self.model)]
 
 
-def schema_of_one_run() -> dict[str, Any]:
-    """Return the schema of a request with either one file, or a simulation."""
-    one, none = {"minItems": 1, "maxItems": 1}, {"maxItems": 0}
-    runs = {"required": ["runs"], "properties": {"runs": one, "simulation": {"type": "null"}}}
-    simulation = {"required": ["simulation"], "properties": {"simulation": {"type": "string"}, "runs": none}}
-    return {"oneOf": [runs, simulation]}
-
-
 @take_fields(AccuracyCall)
 class ValidationRequest(MeasuredRequest):
     """What a validation has beside what it declares: run, plan and cell."""
@@ -353,6 +377,7 @@ class CompensationRequest(JobRequest):
 KINDS: tuple[type[JobRequest], ...] = (
     CommandRequest,
     PlanRequest,
+    PlanUploadRequest,
     StudyRequest,
     CellCheckRequest,
     FixtureViewRequest,

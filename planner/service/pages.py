@@ -104,7 +104,7 @@ def add_problem_handlers(app: FastAPI) -> None:
 @at_one_moment
 def show_jobs(context: Context) -> HTMLResponse:
     """All jobs that a person looks for."""
-    kinds = [kind for kind, request in REQUESTS.items() if not request.task]
+    kinds = [kind for kind, request in REQUESTS.items() if not request.task and kind != "plan-upload"]
     people = context.jobs.list_people()
     return render("jobs", kinds=kinds, states=get_args(State), models=[r.name for r in robot_entries()], people=people)
 
@@ -169,6 +169,7 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
         files=[f for f in files if f.name not in names],
         programs=[f for f in files if f.name in names],
         pictures=pictures(job),
+        report=any(f.name == "report.html" for f in files),
         facts=plan_facts(plan, job.kind == "check-plan") if plan else [],
         notes=list(dict.fromkeys(plan.notes)) if plan else (),
         is_circular=isinstance(plan, CircularDocument),

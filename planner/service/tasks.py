@@ -3,6 +3,7 @@
 Run in the folder of a job, with the words of the job's command; a failure ends as one of ``edbb`` does.
 """
 
+import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -162,11 +163,24 @@ def _spots(cell: Cell, courses: Sequence[Course], path: Path) -> tuple[ViewPose,
     return tuple(spots.values())
 
 
+def take_plan(path: Path, to: Path) -> None:
+    """Copy the folder of a plan, once it is known that plan and cell belong together.
+
+    Raises:
+        InputError: they do not, or one of them is missing.
+    """
+    if is_circular(path):
+        load_circular_plan(path)
+    else:
+        load_session(path, "taken", check=True)
+    shutil.copytree(path.parent, to, dirs_exist_ok=True)
+
+
 RESULT, CALIBRATED = Path("out/view.json"), Path("calibrated")
 
 
-def run_task(words: list[str]) -> BaseModel:
-    """Run the task that these words name, and return its result.
+def run_task(words: list[str]) -> BaseModel | None:
+    """Run the task that these words name, and return its result; nothing where it has written files itself.
 
     Raises:
         InputError: the cell, the plan or the run is wrong.
@@ -182,6 +196,8 @@ def run_task(words: list[str]) -> BaseModel:
             return view_fixture(load_cell(name), int(fixture), (float(x), float(y), float(z)), RESULT.parent)
         case ["plan-view", plan]:
             return plan_view(Path(plan))
+        case ["plan-upload", plan]:
+            return take_plan(Path(plan), RESULT.parent)
         case ["error-map", name]:
             return map_errors(load_cell(name), CALIBRATED / "expected_error.csv", CALIBRATED / "identification.json")
     raise InputError(f"there is no task '{' '.join(words)}'")
@@ -191,8 +207,9 @@ def main() -> None:
     """Run the task, and write what it found."""
     try:
         found = run_task(sys.argv[1:])
-        RESULT.parent.mkdir(exist_ok=True)
-        RESULT.write_text(found.model_dump_json(), encoding="utf-8")
+        if found is not None:
+            RESULT.parent.mkdir(exist_ok=True)
+            RESULT.write_text(found.model_dump_json(), encoding="utf-8")
     except PlannerError as err:
         sys.stderr.write(f"edbb: {err}\n")
         raise SystemExit(err.exit_code) from err

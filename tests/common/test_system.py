@@ -147,11 +147,18 @@ def test_a_run_is_identified_where_nothing_is_utf_8_by_itself(tmp_path):
 @pytest.mark.skipif(sys.flags.ignore_environment, reason="this Python asks no variable how its streams are encoded")
 def test_letters_that_a_console_does_not_have_are_spelt_plainly():
     text = ascii("σ of 5 µm → ≤ 3 … 漢")
-    script = f"from planner.common.console import spell_unencodable; spell_unencodable(); print({text})"
+    script = f"from planner.common.console import encode_output; encode_output(); print({text})"
     for name, said in (("ascii", "sigma of 5 um -> <= 3 ... ?"), ("cp1252", "sigma of 5 µm -> <= 3 … ?")):
         env = {**PLAIN, "PYTHONIOENCODING": name}
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, env=env, check=True)
         assert done.stdout.decode(name).strip() == said
+
+
+def test_what_goes_into_a_pipe_is_utf_8(tmp_path):
+    """Messages too, whatever letters the system has by itself."""
+    done = edbb_without("check", "run.csv", cwd=tmp_path, env=PLAIN, text=False)
+    assert done.returncode == 2
+    assert "─ Error ─" in done.stderr.decode("utf-8")
 
 
 def test_line_ends_of_results_are_those_that_were_written(tmp_path):

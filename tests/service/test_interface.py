@@ -9,6 +9,7 @@ import pytest
 from planner.common.files import data_folder
 from tests.service.conftest import ended, upload
 
+PLAN = Path(__file__).parents[1] / "data" / "kr6-plan"
 CELL = 'schema = "edbb-cell/1"\nrobot = "ur10"\nhome_deg = [0, -90, 90, -90, -90, 0]\n[tool]\nmap_mm = [50, 0, 120]\n'
 CELL += '[gauge]\nkind = "edbb"\nlength_mm = [300, 520]\n[[fixtures]]\nposition_mm = [600, 500, 60]\n'
 
@@ -111,3 +112,47 @@ def test_a_job_can_be_cancelled(client):
     assert stopped.status_code == 200
     job = ended(client, answer)
     assert (job["state"], job["files"], job["problem"]) == ("cancelled", [], None)
+
+
+def sent_plan(client, **changed):
+    """The files of a plan that was made elsewhere, as they are sent."""
+    files = {name: (PLAN / name).read_bytes() for name in ("plan.json", "cell.toml")} | changed
+    return [{"id": upload(client, "files", data, "x")["id"], "name": name} for name, data in files.items()]
+
+
+def test_a_plan_that_was_made_elsewhere_is_a_plan_here(client):
+    """Its page leads to the cell, its run is simulated and read, and its program is written."""
+    asked = {"files": sent_plan(client), "title": "cell 7"}
+    plan = ended(client, client.post("/api/plan-uploads", json=asked))
+    assert (plan["kind"], plan["state"], plan["title"], plan["robot"]) == ("plan", "done", "cell 7", "kuka-kr6-r700")
+    assert {f["name"] for f in plan["files"]} == {"plan.json", "cell.toml"}
+    page = client.get(f"/jobs/{plan['id']}").text
+    assert f'href="/jobs/{plan["id"]}/session"' in page
+    assert "/report" not in page, "it has none"
+    assert (
+        f'value="{plan["id"]}" data-plan="{json.loads((PLAN / "plan.json").read_text())["plan_id"]}"'
+        in client.get("/calibrate").text
+    )
+    made = ended(client, client.post("/api/simulations", json={"plan": plan["id"], "seed": 1}))
+    read = ended(client, client.post("/api/run-checks", json={"simulation": made["id"], "plan": plan["id"]}))
+    assert read["state"] == "done", read["problem"]
+    program = ended(client, client.post("/api/exports", json={"plan": plan["id"], "dialect": "krl"}))
+    assert "program.src" in {f["name"] for f in program["files"]}
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        (
+            {"cell.toml": (data_folder("robots") / "ur10" / "cells" / "edbb.toml").read_bytes()},
+            "is a plan for kuka-kr6",
+        ),
+        ({"plan.json": b'{"schema": "edbb-plan/1", "plan_id": "0123456789ab"}'}, "the key 'drives' is missing"),
+    ],
+)
+def test_a_plan_that_is_not_of_its_cell_is_refused(client, changed, sentence):
+    asked = {"files": sent_plan(client, **changed)}
+    plan = ended(client, client.post("/api/plan-uploads", json=asked))
+    assert plan["state"] == "failed"
+    assert sentence in plan["problem"]["detail"]
+    assert plan["exit_code"] == 2

@@ -57,6 +57,8 @@ CASES = [
      " --hold-out 0.2 --seed 0", ["run.csv", "plan/cell.toml", "plan/plan.json", "v.csv"]),
     ("run-check", {"cell": "ur10/edbb", "runs": ["a.csv", "b.csv"]}, "run-check ur10/edbb a.csv b.csv",
      ["a.csv", "b.csv"]),
+    ("plan-upload", {"files": ["plan.csv", "cell.csv"]}, "plan-upload plan/plan.json",
+     ["plan/plan.csv", "plan/cell.csv"]),
     ("error-map", {"model": KNOWN}, "error-map ur10/edbb", [*CALIBRATED[:2], "run.csv"]),
     ("check-plan", {"model": KNOWN},
      "plan-check ur10/edbb --model calibrated -o out --json --poses 10 --seed 0", ["run.csv", *CALIBRATED]),

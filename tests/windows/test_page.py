@@ -71,10 +71,13 @@ def test_a_second_double_click_shows_the_same_page(wine, page):
 def test_a_job_runs_on_windows(page):
     """A command with a plan that was sent; planning itself ends with the sentence that says what to do."""
     with httpx.Client(base_url=ADDRESS, timeout=120) as outside:
-        sent = outside.post("/api/files?name=plan.json", content=(PLAN / "plan.json").read_bytes()).raise_for_status()
+        files = []
+        for name in ("plan.json", "cell.toml"):
+            sent = outside.post(f"/api/files?name={name}", content=(PLAN / name).read_bytes()).raise_for_status()
+            files.append({"id": sent.json()["id"], "name": name})
         asked = {
             "words": ["export", "plan.json", "--dialect", "krl", "-o", "p.src"],
-            "files": [{"id": sent.json()["id"], "name": "plan.json"}],
+            "files": files,
         }
         done = finish(outside.post("/api/commands", json=asked).raise_for_status().json())
         assert done["state"] == "done", done

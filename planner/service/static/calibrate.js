@@ -1,4 +1,4 @@
-import { find, finished, get, givenOptions, post, root, say, showFacts, upload } from "./common.js";
+import { find, finished, get, givenOptions, make, post, root, say, showFacts, upload } from "./common.js";
 import { lineChart } from "./linechart.js";
 
 const message = find("#run-message"), sent = find("#sent"), drop = find("#drop");
@@ -13,6 +13,23 @@ async function ownCell(files) {
   if (!cell && files.length > 1) throw new Error('none of the files has schema = "edbb-cell/1": name the cell, or one robot alone');
   const others = await Promise.all(files.filter((f) => f !== cell).map((f) => upload("files", f)));
   return { cell: (await upload("cells", cell ?? tracked(others[0].name))).id, files: others };
+}
+
+/** Take the folder of a plan: plan, cell, and the files that cell and robot name. It is one of the plans here from now on. */
+async function takePlan(files) {
+  const inFolder = (file) => file.webkitRelativePath.split("/").slice(1).join("/");
+  const plan = files.find((f) => inFolder(f) === "plan.json");
+  if (!plan) throw new Error("this folder has no plan.json");
+  const { cell, plan_id } = JSON.parse(await plan.text()), sent = [];
+  const texts = await Promise.all(files.filter((f) => /\.(toml|urdf|xml)$/i.test(f.name)).map((f) => f.text()));
+  const needed = (f) => ["plan.json", "cell.toml"].includes(inFolder(f)) || texts.some((text) => text.includes(f.name));
+  for (const file of files.filter(needed)) sent.push({ ...await upload("files", file), name: inFolder(file) });
+  const made = await post("/api/plan-uploads", { files: sent, title: String(cell ?? "") });
+  const job = made.state === "done" ? made : await finished(made.id), plans = find("#plan");
+  const known = [...plans.options].find((o) => o.value === job.id) ?? plans.appendChild(make("option", { value: job.id }, job.title));
+  known.dataset.plan = plan_id;
+  plans.value = job.id;
+  find("#plan-message").replaceChildren("It is taken: ", make("a", { href: `${root}/jobs/${job.id}` }, "its page"), " has checklist and programs.");
 }
 
 // what was sent stays where it is: a page that is loaded again goes on with it
@@ -143,6 +160,10 @@ for (const id of ["#plan", "#cell"]) find(id).addEventListener("change", () => a
 find("#own-files").addEventListener("change", (e) => attempt(async () => {
   own = e.target.files.length ? await ownCell([...e.target.files]) : null;
   say(find("#own-message"), own ? "It is taken for the cell." : "");
+  await check();
+}));
+find("#made-elsewhere").addEventListener("change", (e) => attempt(async () => {
+  if (e.target.files.length) await takePlan([...e.target.files]);
   await check();
 }));
 find("#validation").addEventListener("change", (e) => attempt(async () => {
