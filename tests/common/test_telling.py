@@ -145,7 +145,7 @@ def test_a_switch_is_no_number(data, key):
 
 @pytest.mark.parametrize(("read", "text"), [(read_toml_content, "a = {}"), (read_json, '{{"a": {}}}')])
 def test_a_byte_order_mark_is_passed_over_and_a_number_of_thousands_of_digits_told(tmp_path, read, text):
-    (tmp_path / "f").write_text("\ufeff" + text.format(1))
+    (tmp_path / "f").write_text("\ufeff" + text.format(1), encoding="utf-8")
     assert read(tmp_path / "f") == {"a": 1}
     (tmp_path / "f").write_text(text.format("9" * 5000))
     with pytest.raises(InputError, match="it holds a whole number of thousands of digits"):
