@@ -197,7 +197,8 @@ def run_task(words: list[str]) -> BaseModel | None:
         case ["plan-view", plan]:
             return plan_view(Path(plan))
         case ["plan-upload", plan]:
-            return take_plan(Path(plan), RESULT.parent)
+            take_plan(Path(plan), RESULT.parent)
+            return None
         case ["error-map", name]:
             return map_errors(load_cell(name), CALIBRATED / "expected_error.csv", CALIBRATED / "identification.json")
     raise InputError(f"there is no task '{' '.join(words)}'")

@@ -76,7 +76,7 @@ def test_a_job_runs_on_windows(page):
             sent = outside.post(f"/api/files?name={name}", content=(PLAN / name).read_bytes()).raise_for_status()
             files.append({"id": sent.json()["id"], "name": name})
         asked = {
-            "words": ["export", "plan.json", "--dialect", "krl", "-o", "p.src"],
+            "words": ["export", "plan.json", "--dialect", "krl", "-o", "out/p.src"],
             "files": files,
         }
         done = finish(outside.post("/api/commands", json=asked).raise_for_status().json())
