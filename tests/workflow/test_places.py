@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import tomllib
 
 import numpy as np
@@ -72,7 +73,7 @@ def test_poses_are_numbered_through_and_all_of_them_are_marked_once(session, tmp
     done = edbb("export", folder / "plan.json", "--dialect", "bnr", "-o", tmp_path / "a.cnc")
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "a.cnc").read_text()
-    marked = [int(line.split()[-1]) for line in text.splitlines() if line.startswith("; pose ")]
+    marked = [int(number) for number in re.findall(r"^; pose (\d+)$", text, re.MULTILINE)]
     assert marked == [p["id"] for p in plan["poses"] if p["role"] != "mount"]
     assert text.count("M00") == 2 * len(plan["drives"])
 
@@ -97,8 +98,8 @@ def test_the_run_is_identified_with_the_parameters_of_the_plan(session, tmp_path
     names = {p["name"] for p in found["parameters"] if p["identifiable"]}
     assert set(plan["parameters"]) <= names
     assert {"map_1_x", "map_low_x", "fixture_A_x", "fixture_B_x"} <= names
-    geometry = next(s for s in found["stages"] if s["name"] == "geometry")
-    assert geometry["held_out"]["rms_mm"] < 0.05
+    held_out = {stage["name"]: stage["held_out"]["rms_mm"] for stage in found["stages"]}
+    assert held_out["geometry"] < held_out["frames"] / 5  # gears, lost motion and a soft base stay
 
 
 @pytest.mark.long
