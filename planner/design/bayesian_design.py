@@ -26,7 +26,7 @@ from planner.design.assumptions import (
     UNTRACED_TARGET_SHARE,
 )
 from planner.design.candidates.pool import PoseSet
-from planner.design.expected_errors import ExpectedErrors, error_limit, share_below
+from planner.design.expected_errors import ErrorForecast, ExpectedErrors, error_limit, share_below
 from planner.design.free_parameters import undeclared_errors
 from planner.design.goal_of_poses import settle_until
 from planner.design.selection.search import add_greedily, exchange_singly
@@ -107,17 +107,14 @@ class ErrorByNumber:
 
 
 @dataclass(frozen=True)
-class BayesianDesign:
+class BayesianDesign(ErrorForecast):
     """The poses that show most of what may be wrong, and the error that the robot would keep.
 
     Attributes:
-        unknown: what may be wrong.
         chosen: positions in the pool in the order in which they were taken, (n,) int.
         after: expected error of the tool [m] after the first 1 … n of them, as driven.
         on_grid: expected error of the tool [m] after the chosen candidates, before any of them was moved or replaced.
         bound: no n of the candidates that were considered leave a smaller error than this [m].
-        left: expected error of the tool [m] after the poses that are driven, some of which others may have replaced.
-        at_most: what 95 of 100 such robots stay below then [m].
         floor: expected error of the tool [m] after all candidates: what these places cannot show.
         by_number: of other numbers of poses, and of this one.
         forecast: of this number, foreseen as the others are: among few candidates [m].
@@ -125,23 +122,15 @@ class BayesianDesign:
         share_below: of such robots that are below ``until`` after the poses that are driven.
     """
 
-    unknown: ExpectedErrors
     chosen: np.ndarray
     after: Array
     on_grid: float
     bound: float
-    left: float
-    at_most: float
     floor: float
     by_number: tuple[ErrorByNumber, ...]
     forecast: float
     until: float | None = None
     share_below: float | None = None
-
-    @property
-    def before(self) -> float:
-        """Expected error of the tool [m] before any of the readings."""
-        return self.unknown.state(float(np.trace(self.unknown.weight_per_prior)))
 
     @property
     def gap(self) -> float:

@@ -1,6 +1,7 @@
 """What may be wrong with a robot before a session is planned, and the error of its tool by it: one protocol."""
 
 from bisect import bisect_right
+from dataclasses import dataclass
 from functools import cache
 from typing import Protocol, Self
 
@@ -62,7 +63,7 @@ class ExpectedErrors(Protocol):
         """Return the same errors in another model of the same parameters, one in which the gauge stands elsewhere."""
 
     def white(self, samples: Samples) -> Array:
-        """Return the change of the readings by each error, in the readings' standard deviations, (n, P)."""
+        """Return the change of each number of the readings by each error, in standard deviations, (n r, P)."""
 
     def state(self, square: float) -> float:
         """Return the error of the tool that is stated [m], where the errors have the mean square ``square`` [m²]."""
@@ -88,6 +89,33 @@ class GoalOutOfReachError(NoSolutionError):
     def __init__(self, text: str, unknown: ExpectedErrors, white: Array, until: float, most: int, best: float) -> None:
         super().__init__(text)
         self.unknown, self.white, self.until, self.most, self.best = unknown, white, until, most, best
+
+
+@dataclass(frozen=True)
+class ErrorForecast:
+    """The error of the tool that such robots have before a session and keep after it.
+
+    Attributes:
+        unknown: what may be wrong.
+        left: expected error after the poses that are driven [m].
+        at_most: what 95 of 100 such robots stay below then [m].
+    """
+
+    unknown: ExpectedErrors
+    left: float
+    at_most: float
+
+    @classmethod
+    def of(cls, unknown: ExpectedErrors, samples: Samples) -> "ErrorForecast":
+        """Return the forecast for the poses ``samples`` of any gauge."""
+        squares = _weights_of_squares(unknown.weight_per_prior, unknown.white(samples))
+        left, at_most = float(squares.sum()), limit_of_sum(squares)
+        return cls(unknown, unknown.state(left), unknown.state_limit(at_most))
+
+    @property
+    def before(self) -> float:
+        """Expected error of the tool [m] before any of the readings."""
+        return self.unknown.state(float(np.trace(self.unknown.weight_per_prior)))
 
 
 def error_limit(errors: ExpectedErrors, white: Array) -> float:

@@ -3,6 +3,7 @@
 from planner.common.units import to_mm
 from planner.design.assumptions import PLACE_LIMITED_SHARE
 from planner.design.bayesian_design import BayesianDesign
+from planner.design.expected_errors import ErrorForecast
 
 
 def another_place_pays(expected: BayesianDesign) -> bool:
@@ -28,14 +29,15 @@ def describe_numbers_of_poses(expected: BayesianDesign) -> str:
     return f"{numbers}; all candidates together would leave {floor}: {cure}"
 
 
-def describe_bayesian_design(expected: BayesianDesign) -> str:
-    """Return the error to be expected in a sentence."""
-    left, bound, at_most = (f"{float(to_mm(v)):.3f}" for v in (expected.left, expected.bound, expected.at_most))
-    chosen, on_grid = len(expected.chosen), f"{float(to_mm(expected.on_grid)):.3f}"
-    moved = "" if on_grid == left else f" (those chosen among them {on_grid} mm, before they were moved)"
-    return expected.unknown.describe(expected.left, left, at_most) + (
-        f"; no {chosen} candidates leave less than {bound} mm{moved}{expected.unknown.condition}"
-    )
+def describe_forecast(expected: ErrorForecast) -> str:
+    """Return the error to be expected in a sentence, and how near to the least it is where that chose the poses."""
+    left, at_most = (f"{float(to_mm(v)):.3f}" for v in (expected.left, expected.at_most))
+    proof = ""
+    if isinstance(expected, BayesianDesign):
+        on_grid, bound = (f"{float(to_mm(v)):.3f} mm" for v in (expected.on_grid, expected.bound))
+        moved = "" if on_grid == f"{left} mm" else f" (those chosen among them {on_grid}, before they were moved)"
+        proof = f"; no {len(expected.chosen)} candidates leave less than {bound}{moved}"
+    return f"{expected.unknown.describe(expected.left, left, at_most)}{proof}{expected.unknown.condition}"
 
 
 def describe_goal(expected: BayesianDesign) -> str:

@@ -222,8 +222,11 @@ class UndeclaredErrors:
         return replace(self, model=model)
 
     def white(self, samples: Samples) -> Array:
-        """Return the rows of readings in standard deviations per prior sigma, (n, P)."""
-        return np.asarray(self.model.rows(samples)[:, 0] / self.model.noise(samples)[:, None] * self.prior)
+        """Return the rows of readings in standard deviations per prior sigma, (n r, P)."""
+        noise, rows = self.model.reading_noise(samples), self.model.rows(samples) * self.prior
+        if rows.shape[1] == 1:
+            return np.asarray(rows[:, 0] / noise.std[:, None])
+        return np.asarray(np.linalg.solve(np.linalg.cholesky(noise.covariance), rows)).reshape(-1, rows.shape[2])
 
 
 def gear_factor(robot: Robot, joint: int) -> float:

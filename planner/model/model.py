@@ -57,6 +57,12 @@ class ReadingNoise:
         return np.asarray(self.joint_sigma**2 * self.joint_rows @ self.joint_rows.transpose(0, 2, 1))
 
     @property
+    def covariance(self) -> Array:
+        """Covariance of the numbers of each reading, (n, r, r) [m², m rad, rad²]."""
+        gauge = self.gauge_variance
+        return np.asarray(self.robot_covariance + gauge[:, :, None] * np.eye(gauge.shape[1]))
+
+    @property
     def std(self) -> Array:
         """Standard deviation of the noisiest number of each reading, (n,) [m]."""
         return np.asarray(np.sqrt(self.gauge_variance + self.robot_variance).max(axis=1))

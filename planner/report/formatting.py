@@ -8,7 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.units import UM, to_mm
 from planner.design.discrimination.power import Discrimination
-from planner.design.foresight_text import describe_bayesian_design
+from planner.design.foresight_text import describe_forecast
 from planner.design.observability.information import INDEX_RULES
 from planner.motion.path.verdict import Verdict
 from planner.session.plan_types import Plan
@@ -85,15 +85,16 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
     """Say how far from the best possible the poses are, sentence by sentence."""
     choice, bound = plan.choice, plan.choice.certificate
     rule, n = INDEX_RULES[choice.index], len(choice.q)
+    expected = "" if plan.forecast is None else describe_forecast(plan.forecast)
+    said = (f"{expected[0].upper()}{expected[1:]}.",) if expected else ()
     if plan.expected_error is not None:
-        expected = describe_bayesian_design(plan.expected_error)
         moved = (
             ("The poses were then moved by a fraction of a step, for which no limit is proven.",)
             if plan.cell.plan.refine
             else ()
         )
         return (
-            f"{expected[0].upper()}{expected[1:]}.",
+            *said,
             "No other choice of candidate poses can be better than that: it is proven.",
             *moved,
             f"{choice.index}, the {rule.of_raw}, is {digits(choice.value, 4)} here; it did not choose these poses.",
@@ -136,7 +137,7 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
         if bound.verified
         else "The check of the bound's dual solution failed: take it as an estimate, not as a proof."
     )
-    return tuple(out)
+    return (*said, *out)
 
 
 def verdict_rows(what: str, verdicts: Sequence[Verdict], cell: Cell) -> list[tuple[str, str]]:

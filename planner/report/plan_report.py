@@ -10,7 +10,7 @@ import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
 from planner.common.summary import Aside, count_alike, name_first
 from planner.common.units import to_deg, to_mm
-from planner.design.bayesian_design import ErrorByNumber
+from planner.design.bayesian_design import BayesianDesign, ErrorByNumber
 from planner.design.foresight_text import another_place_pays, describe_goal
 from planner.design.observability.information import INDEX_RULES
 from planner.report.cell_view import build_cell_view
@@ -74,7 +74,7 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
 def _headline(plan: Plan) -> str:
     """Say how long it takes, and what it makes of the error where that is foreseen."""
     minutes = sum(d.trajectory.duration_s for d in plan.drives) / 60
-    if (e := plan.expected_error) is None:
+    if (e := plan.forecast) is None:
         return f"{minutes:.0f} minutes of driving, {len(plan.choice.q)} poses"
     return f"{minutes:.0f} minutes of driving: from about {_mm(e.before)} to {_mm(e.left)} mm"
 
@@ -88,11 +88,10 @@ def _expectation(plan: Plan, forecast: Forecast | None) -> str:
     path = f"The path is free of collisions: nearest bodies {gap} apart, {proven}."
     if forecast is not None:
         return f"{forecast.purpose} {poses} {path}"
-    if (e := plan.expected_error) is None:
-        return (
-            f"The error that this leaves is not foreseen: the index {plan.choice.index} chose the poses. {poses} {path}"
-        )
-    goal = f" {describe_goal(e)}." if describe_goal(e) else ""
+    if (e := plan.forecast) is None:
+        return f"{poses} {path}"
+    goal = describe_goal(e) if isinstance(e, BayesianDesign) else ""
+    goal = f" {goal}." if goal else ""
     return f"95 of 100 robots of this kind end below {_mm(e.at_most)} mm (rms over the workspace).{goal} {poses} {path}"
 
 

@@ -173,7 +173,7 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
         facts=plan_facts(plan, job.kind == "check-plan") if plan else [],
         notes=list(dict.fromkeys(plan.notes)) if plan else (),
         is_circular=isinstance(plan, CircularDocument),
-        foreseen=not isinstance(plan, PlanDocument) or plan.foresight is not None,
+        foreseen=not isinstance(plan, PlanDocument) or bool(plan.foresight and plan.foresight.after_mm),
         check=check,
         baseline=find_calibration(context, job.id) if check else None,
         dialects=dialect_entries(),

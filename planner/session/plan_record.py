@@ -16,6 +16,7 @@ from planner.common.units import PLAN_DECIMALS
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.power import Discrimination
+from planner.design.expected_errors import ErrorForecast
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice, Pruning
 from planner.design.selection.certificate import Certificate
@@ -114,7 +115,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
             "file": "trajectory.csv",
         },
         "drives": [_drive_record(plan, d) for d in drives],
-    } | (_separation_record(plan.separation) | _expected_error_record(plan.expected_error))
+    } | (_separation_record(plan.separation) | _forecast_record(plan.forecast))
 
 
 def origin_record(cell: Cell, seed: int) -> dict[str, object]:
@@ -191,10 +192,13 @@ def _separation_record(separation: Discrimination | None) -> dict[str, object]:
     return {"separation": [SeparationRecord(**asdict(t)) for t in separation.told], "separation_proof": proof}
 
 
-def _expected_error_record(expected: BayesianDesign | None) -> dict[str, object]:
-    """The error of the tool that is expected after tracing; nothing where the poses were not chosen by that."""
+def _forecast_record(expected: ErrorForecast | None) -> dict[str, object]:
+    """The error of the tool that is expected after tracing; its course where that chose the poses."""
     if expected is None:
         return {}
+    if not isinstance(expected, BayesianDesign):
+        error, at_most = expected.left * 1e3, expected.at_most * 1e3
+        return {"foresight": ForesightRecord(assumed=expected.unknown.assumptions, error_mm=error, at_most_mm=at_most)}
     goal = {} if expected.until is None else {"goal_mm": expected.until * 1e3, "goal_share": expected.share_below}
     told = ForesightRecord(
         **goal,

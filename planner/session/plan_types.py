@@ -9,6 +9,7 @@ from planner.common.units import Array
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.power import Discrimination
+from planner.design.expected_errors import ErrorForecast
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_curves import IndexCurve
@@ -126,7 +127,7 @@ class Plan(SessionPlan):
         curve: index and bound against the number of poses, where the index chose them.
         driven: the index over the trajectory as it is driven.
         separation: how surely it tells the findings of an identification from their rivals, where that was asked.
-        expected_error: the error that the robot would keep, where the poses were chosen by that.
+        forecast: the error that such robots have before it and keep after it, where it calibrates.
     """
 
     drives: tuple[Drive, ...]
@@ -136,7 +137,12 @@ class Plan(SessionPlan):
     curve: IndexCurve | None
     driven: float
     separation: Discrimination | None = None
-    expected_error: BayesianDesign | None = None
+    forecast: ErrorForecast | None = None
+
+    @property
+    def expected_error(self) -> BayesianDesign | None:
+        """The error that the robot would keep, where the poses were chosen by that."""
+        return self.forecast if isinstance(self.forecast, BayesianDesign) else None
 
     def __repr__(self) -> str:
         """Name cell and plan, and say how many poses there are."""

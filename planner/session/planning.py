@@ -21,8 +21,9 @@ from planner.common.units import Array
 from planner.design.bayesian_design import BackgroundDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.selection import DiscriminatingChoice
-from planner.design.expected_errors import GoalOutOfReachError
+from planner.design.expected_errors import ErrorForecast, GoalOutOfReachError
 from planner.design.fixtures.another_place import describe_other_place
+from planner.design.free_parameters import undeclared_errors
 from planner.design.observability.information import index_value
 from planner.design.off_grid import certify_off_grid
 from planner.design.pose_selection import PoseChoice, replace_pose
@@ -169,10 +170,13 @@ class PoseSession(ABC):
         driven = driven_discrimination(cell, discriminating, drives) if discriminating else None
         bar = bar_notes(cell, drives) if cell.has_bar() else ()
         notes = [*self.notes, *bar, *discrimination_notes(cell, driven, choice, drives)]
+        forecast: ErrorForecast | None = None
         if expected:
             notes.append(Aside(f"the poses were chosen by the expected error, not by {choice.index}"))
             minutes = session_minutes(cell, drives, len(choice.q))
-            expected = expected.with_driven_poses(choice.samples, minutes)
+            forecast = expected.with_driven_poses(choice.samples, minutes)
+        elif any(v.role == "calibrate" for d in drives for v in d.visits) and not self.chooser:
+            forecast = ErrorForecast.of(undeclared_errors(cell, choice.samples), choice.samples)
         return Plan(
             cell=cell,
             seed=self.options.seed,
@@ -184,7 +188,7 @@ class PoseSession(ABC):
             curve=curve,
             driven=index_value(choice.index, self.driven_rows(choice, drives)),
             separation=driven,
-            expected_error=expected,
+            forecast=forecast,
         )
 
     def _drive_refined_poses(

@@ -6,7 +6,8 @@ from planner.common.numbers import number_of
 from planner.common.summary import Fact, Summary, name_first
 from planner.common.units import to_mm
 from planner.design.bayesian_design import BayesianDesign, ErrorByNumber
-from planner.design.foresight_text import another_place_pays, describe_bayesian_design, describe_goal
+from planner.design.expected_errors import ErrorForecast
+from planner.design.foresight_text import another_place_pays, describe_forecast, describe_goal
 from planner.design.observability.identifiability import DroppedParameter
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import describe_pruning
@@ -26,7 +27,8 @@ def plan_overview(plan: Plan) -> Summary:
         f"{plan.cell.name}: {_numbers_of_poses(plan, roles)}, plan {plan.plan_id}",
         [
             ("drive", f"{driven}; {clearance_text(plan.cell, min(d.clearance for d in plan.drives))}"),
-            *(_error_facts(plan.expected_error) if plan.expected_error else _index_facts(plan)),
+            *(_error_facts(plan.forecast) if plan.forecast else ()),
+            *(() if plan.expected_error else _index_facts(plan)),
             *_unseen_facts(plan.choice.seen.dropped, len(plan.choice.seen.names)),
             *(("tells apart", text) for text in said[:1]),
         ],
@@ -46,11 +48,13 @@ def _numbers_of_poses(plan: Plan, roles: Sequence[str]) -> str:
     return f"{number_of(len(plan.choice.q), 'pose')} to fit {seen.rank}{of} parameters{validating}"
 
 
-def _error_facts(expected: BayesianDesign) -> Iterator[Fact]:
+def _error_facts(expected: ErrorForecast) -> Iterator[Fact]:
     """Say the error of the tool before and after, and what makes it less."""
     before, left, at_most = (f"{float(to_mm(v)):.3f} mm" for v in (expected.before, expected.left, expected.at_most))
     yield "error now", f"{before}  of the tool, rms {expected.unknown.where}, {expected.unknown.before_label}"
     yield "error after", f"{left}  95 of 100 such robots below {at_most}"
+    if not isinstance(expected, BayesianDesign):
+        return
     if goal := describe_goal(expected):
         yield "goal", goal
     better = [f for f in expected.by_number if f.error < expected.left and f.poses > len(expected.after)]
@@ -97,7 +101,7 @@ def _details(plan: Plan, said: Sequence[str]) -> Iterator[Fact]:
     choice, drives = plan.choice, plan.drives
     yield "candidates", plan.pool.funnel.text()
     if (expected := plan.expected_error) is not None:
-        yield "expected", describe_bayesian_design(expected)
+        yield "expected", describe_forecast(expected)
         yield from (("", _number_text(f)) for f in expected.by_number)
         yield "all poses", f"{float(to_mm(expected.floor)):.3f} mm would be left by all candidates together"
     yield choice.index, INDEX_RULES[choice.index].of_raw

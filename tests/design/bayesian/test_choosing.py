@@ -21,7 +21,7 @@ from planner.design.bayesian_design import (
 )
 from planner.design.candidates.pool import draw_candidates
 from planner.design.expected_errors import GoalOutOfReachError, error_limit
-from planner.design.foresight_text import describe_bayesian_design, describe_goal, describe_numbers_of_poses
+from planner.design.foresight_text import describe_forecast, describe_goal, describe_numbers_of_poses
 from planner.design.goal_of_poses import settle_until
 from planner.design.off_grid import CandidateFilters, refine_bayesian_poses
 from planner.design.selection.d_optimal import detmax
@@ -116,7 +116,7 @@ def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(k
     by_chance = np.random.default_rng(0).choice(len(pool), 120, replace=False)
     for others in (by_index, by_chance):
         assert error_after(expected, pool.samples.take(others)) > 1.08 * expected.left
-    assert f"{1e3 * expected.left:.3f} mm" in describe_bayesian_design(expected)
+    assert f"{1e3 * expected.left:.3f} mm" in describe_forecast(expected)
 
 
 def test_without_a_number_it_stops_at_the_target_or_where_no_pose_helps_much():
@@ -196,9 +196,9 @@ def test_a_goal_is_told_with_its_chance_after_the_poses_as_they_are_driven(kuka,
 def test_the_bound_is_held_against_what_was_chosen_and_not_against_what_was_moved(kuka, expected):
     better = replace(expected, after=0.5 * expected.after, left=0.5 * expected.left)
     assert better.gap == expected.gap > 0.0
-    said = describe_bayesian_design(better)
+    said = describe_forecast(better)
     assert f"({'those chosen among them'} {1e3 * expected.on_grid:.3f} mm, before they were moved)" in said
-    assert "before they were moved" not in describe_bayesian_design(expected)
+    assert "before they were moved" not in describe_forecast(expected)
 
 
 def test_the_numbers_are_told_with_their_minutes_and_another_fixture_where_it_pays(kuka, expected):
