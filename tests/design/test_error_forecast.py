@@ -1,0 +1,38 @@
+"""What a plan of any gauge says of the error that it leaves: against robots that are drawn, measured and fitted here."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.cell.reading import load_cell
+from planner.design.expected_errors import ErrorForecast
+from planner.design.free_parameters import undeclared_errors
+from planner.model.tool_error import uniform_states
+from planner.runs.run import Samples
+
+ROBOTS = 200
+
+
+@pytest.mark.parametrize("name", ["panda/tracker", "so101/sockets", "kuka-kr6-r700/edbb"])
+def test_robots_keep_the_error_that_is_foreseen(name):
+    cell = load_cell(name)
+    samples = Samples.at(uniform_states(cell, 90, 3)[:60])
+    if cell.gauge.at_balls:
+        samples = replace(samples, place=np.arange(60) % len(cell.balls))
+    unknown = undeclared_errors(cell, samples)
+    foreseen = ErrorForecast.of(unknown, samples)
+    rows, noise = unknown.model.rows(samples), unknown.model.reading_noise(samples)
+    rng = np.random.default_rng(5)
+    true = unknown.prior * rng.standard_normal((ROBOTS, len(unknown.prior)))
+    joints = noise.joint_sigma * rng.standard_normal((ROBOTS, 60, cell.robot.n_joints))
+    read = np.einsum("nrp,mp->mnr", rows, true) + np.einsum("nrj,mnj->mnr", noise.joint_rows, joints)
+    read += noise.gauge * rng.standard_normal(read.shape)
+    by_joints = noise.joint_sigma * noise.joint_rows  # (n, r, N): all numbers of a reading shake together
+    weight = np.linalg.inv(by_joints @ by_joints.transpose(0, 2, 1) + np.eye(rows.shape[1]) * noise.gauge[:, :, None] ** 2)
+    normal = np.einsum("nrp,nrs,nsq->pq", rows, weight, rows) + np.diag(unknown.prior**-2)
+    left = true - np.linalg.solve(normal, np.einsum("nrp,nrs,mns->pm", rows, weight, read)).T
+    error = np.sqrt(np.einsum("mp,pq,mq->m", left, unknown.weight, left))
+    assert np.sqrt((error**2).mean()) == pytest.approx(foreseen.left, rel=0.1)
+    assert 0.9 <= (error <= foreseen.at_most).mean() <= 0.99
+    assert foreseen.left < foreseen.at_most < foreseen.before
