@@ -1,15 +1,22 @@
 """Results go to standard output, progress and notes to standard error; exit codes say what was judged."""
 
+import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
-from planner.cli.app import GREETING
+from planner.cli import declared
+from planner.cli.app import GREETING, WITH_MORE
 from planner.cli.declared import complete_cell
 from planner.cli.default_output import file_of, new_file, new_folder, new_folder_of_files
+from planner.common.calls import typed_fields
+from planner.common.commands import extension_commands
 from planner.common.errors import did_you_mean
+from planner.common.progress import Stages
 from planner.workflow import checking
-from tests.command import edbb
+from planner.workflow.verbs import declared_calls
+from tests.command import commands_that_run, edbb
 from tests.docs.test_pages import ROOT
 
 PLAN = ROOT / "tests" / "data" / "kr6-plan" / "plan.json"
@@ -49,19 +56,41 @@ def test_names_of_what_is_written(tmp_path, monkeypatch):
     assert file_of(".csv")("measure", "plan-ur10-edbb/plan.json") == "measure-ur10-edbb.csv"  # goes on in it
 
 
-@pytest.mark.parametrize(("failed", "code"), [(False, 0), (True, 3)])
-def test_a_check_that_failed_ends_with_three(failed, code, tmp_path, monkeypatch):
-    class Verdict:
-        passed = not failed
+TYPED = {n for n, c in extension_commands().items() if c.typed} | WITH_MORE.keys()  # have functions of their own
+FOLDER_VERBS = [n for n in commands_that_run() if n in declared_calls() and n not in TYPED]
 
-    result = object.__new__(checking.CheckResult)
-    object.__setattr__(result, "verdict", Verdict())
-    assert result.is_failed is failed
-    monkeypatch.setattr(checking, "check", lambda *_, **__: Judged(failed))
-    done = edbb("check", tmp_path / "run.csv", "--model", tmp_path, "-o", tmp_path / "out")
-    assert (done.returncode, done.stderr) == (code, "")
-    assert "judged" in done.stdout
+
+def least_words(verb):
+    """What must be typed of a command."""
+    words = []
+    for f in typed_fields(declared_calls()[verb]):
+        value = "1" if f.kind in (int, float) else "x"
+        words += [] if not f.is_required else [value] if f.option.is_word else [f.flag, value]
+    return words
+
+
+@pytest.mark.parametrize(("failed", "code"), [(False, 0), (True, 3)])
+@pytest.mark.parametrize("verb", FOLDER_VERBS)
+def test_a_result_goes_to_standard_output_and_progress_elsewhere(verb, failed, code, tmp_path, monkeypatch):
+    def work(progress, **_):
+        with Stages(progress).stage("search") as say:
+            say(1, 2)
+        return Judged(failed)
+
+    monkeypatch.setattr(declared, "find_function", lambda call: work)
+    monkeypatch.setenv("EDBB_PROGRESS", "json")
+    done = edbb(verb, *least_words(verb), "-o", tmp_path / "out")
+    assert done.returncode == code, done.stderr
+    assert done.stdout.startswith(f"judged\n  written to  {tmp_path / 'out'}")
+    assert {json.loads(line)["stage"] for line in done.stderr.splitlines()} == {"search"}
     assert (tmp_path / "out" / "check.json").is_file()
+
+
+def test_a_check_that_failed_is_a_failed_result():
+    for passed in (True, False):
+        result = object.__new__(checking.CheckResult)
+        object.__setattr__(result, "verdict", SimpleNamespace(passed=passed))
+        assert result.is_failed is not passed
 
 
 class Judged(checking.FolderResult):
@@ -84,6 +113,9 @@ class Judged(checking.FolderResult):
 
     def fill(self, draft):
         pass
+
+    def files(self, folder):
+        return self.main_file
 
 
 def test_the_command_alone_greets_in_three_lines():

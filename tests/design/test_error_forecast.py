@@ -1,4 +1,4 @@
-"""What a plan of any gauge says of the error that it leaves: against robots that are drawn, measured and fitted here."""
+"""What a plan of any gauge says of the error that it leaves: against robots drawn, measured and fitted here."""
 
 from dataclasses import replace
 
@@ -29,7 +29,9 @@ def test_robots_keep_the_error_that_is_foreseen(name):
     read = np.einsum("nrp,mp->mnr", rows, true) + np.einsum("nrj,mnj->mnr", noise.joint_rows, joints)
     read += noise.gauge * rng.standard_normal(read.shape)
     by_joints = noise.joint_sigma * noise.joint_rows  # (n, r, N): all numbers of a reading shake together
-    weight = np.linalg.inv(by_joints @ by_joints.transpose(0, 2, 1) + np.eye(rows.shape[1]) * noise.gauge[:, :, None] ** 2)
+    weight = np.linalg.inv(
+        by_joints @ by_joints.transpose(0, 2, 1) + np.eye(rows.shape[1]) * noise.gauge[:, :, None] ** 2
+    )
     normal = np.einsum("nrp,nrs,nsq->pq", rows, weight, rows) + np.diag(unknown.prior**-2)
     left = true - np.linalg.solve(normal, np.einsum("nrp,nrs,mns->pm", rows, weight, read)).T
     error = np.sqrt(np.einsum("mp,pq,mq->m", left, unknown.weight, left))
