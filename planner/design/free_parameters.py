@@ -223,10 +223,7 @@ class UndeclaredErrors:
 
     def white(self, samples: Samples) -> Array:
         """Return the rows of readings in standard deviations per prior sigma, (n r, P)."""
-        noise, rows = self.model.reading_noise(samples), self.model.rows(samples) * self.prior
-        if rows.shape[1] == 1:
-            return np.asarray(rows[:, 0] / noise.std[:, None])
-        return np.asarray(np.linalg.solve(np.linalg.cholesky(noise.covariance), rows)).reshape(-1, rows.shape[2])
+        return self.model.reading_noise(samples).white(self.model.rows(samples) * self.prior)
 
 
 def gear_factor(robot: Robot, joint: int) -> float:

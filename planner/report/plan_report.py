@@ -10,7 +10,7 @@ import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
 from planner.common.summary import Aside, count_alike, name_first
 from planner.common.units import to_deg, to_mm
-from planner.design.bayesian_design import BayesianDesign, ErrorByNumber
+from planner.design.bayesian_design import ErrorByNumber
 from planner.design.foresight_text import another_place_pays, describe_goal
 from planner.design.observability.information import INDEX_RULES
 from planner.report.cell_view import build_cell_view
@@ -90,7 +90,7 @@ def _expectation(plan: Plan, forecast: Forecast | None) -> str:
         return f"{forecast.purpose} {poses} {path}"
     if (e := plan.forecast) is None:
         return f"{poses} {path}"
-    goal = describe_goal(e) if isinstance(e, BayesianDesign) else ""
+    goal = describe_goal(plan.expected_error) if plan.expected_error else ""
     goal = f" {goal}." if goal else ""
     return f"95 of 100 robots of this kind end below {_mm(e.at_most)} mm (rms over the workspace).{goal} {poses} {path}"
 

@@ -17,17 +17,17 @@ class JobInput:
 
 @model(frozen=True)
 class JobCommand:
-    """What a job runs: words after ``edbb``, or a ``task`` of the service."""
+    """What a job runs: words after ``edbb``, or a task of the service; of a ``task`` a page waits for the result."""
 
     words: tuple[str, ...]
     inputs: tuple[JobInput, ...] = ()
     task: bool = False
+    in_service: bool = False
 
     @property
     def module(self) -> str:
         """Return the module that runs it."""
-        own = self.task or self.words[0] == "plan-upload"
-        return "planner.service.tasks" if own else "planner.cli"
+        return "planner.service.tasks" if self.task or self.in_service else "planner.cli"
 
     def option(self, name: str) -> str | None:
         """Return the word of an option, ``None`` where it is not given."""

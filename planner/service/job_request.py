@@ -33,7 +33,8 @@ CALIBRATED_NAMES = AliasChoices("model", "identification")  # the second: of the
 class JobRequest(StrictModel, ABC):
     """Something that a job does.
 
-    ``verb`` is the command that does it, or the ``task`` of the service, where that is not the kind; ``declared``: the
+    ``verb`` is the command that does it, or the task of the service, where that is not the kind. Of a ``task`` a page
+    waits for the result; ``in_service``: a task whose job a person sees. ``declared``: the
     fields that the verb's declaration gives; ``document`` the file of its results that pages and programs read,
     ``example`` a request for the interface.
     """
@@ -41,6 +42,7 @@ class JobRequest(StrictModel, ABC):
     kind: ClassVar[str]
     verb: ClassVar[str] = ""
     task: ClassVar[bool] = False
+    in_service: ClassVar[bool] = False
     declared: ClassVar[tuple[ServedField, ...]] = ()
     document: ClassVar[str] = ""
     example: ClassVar[dict[str, Any]]
@@ -69,7 +71,7 @@ class JobRequest(StrictModel, ABC):
         words = [self.first_word, *self.arguments(folder)]
         if self.declared:
             words += [*self.output_words(), *self._declared_words(folder)]
-        return JobCommand(tuple(words), folder.inputs, self.task)
+        return JobCommand(tuple(words), folder.inputs, self.task, self.in_service)
 
     @abstractmethod
     def arguments(self, folder: JobFolder) -> list[str]:

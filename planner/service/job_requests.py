@@ -132,6 +132,7 @@ class PlanUploadRequest(JobRequest):
     """Take a plan that was made elsewhere: its job is a plan like one made here."""
 
     kind = "plan-upload"
+    in_service = True
     example = {"files": [{"id": SOME_FILE, "name": "plan.json"}, {"id": SOME_FILE, "name": "cell.toml"}]}
     files: Annotated[
         list[FileInFolder],

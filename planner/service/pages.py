@@ -104,7 +104,7 @@ def add_problem_handlers(app: FastAPI) -> None:
 @at_one_moment
 def show_jobs(context: Context) -> HTMLResponse:
     """All jobs that a person looks for."""
-    kinds = [kind for kind, request in REQUESTS.items() if not request.task and kind != "plan-upload"]
+    kinds = [kind for kind, request in REQUESTS.items() if not (request.task or request.in_service)]
     people = context.jobs.list_people()
     return render("jobs", kinds=kinds, states=get_args(State), models=[r.name for r in robot_entries()], people=people)
 

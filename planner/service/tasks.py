@@ -14,6 +14,7 @@ from pydantic import BaseModel, Field
 from planner import load_cell, load_run
 from planner.cell.cell import Cell
 from planner.circular.document import is_circular, load_circular_plan
+from planner.circular.plan import CircularPlan
 from planner.common.errors import InputError, PlannerError
 from planner.common.schema import StrictModel
 from planner.common.units import Array, to_deg, to_mm
@@ -25,7 +26,7 @@ from planner.runs.run import Run
 from planner.service.views import check_view, view_fixture
 from planner.session.course import Course
 from planner.session.document import read_plan
-from planner.session.planned_session import load_session
+from planner.session.planned_session import PlannedSession, load_session
 
 LAYERS = (  # columns of the table, names, and the figures of the identification's release
     ("released_mm", "calibrated", "anywhere"),
@@ -132,7 +133,7 @@ def _series(run: Run, shown: Array) -> list[RunSeries]:
 
 def plan_view(path: Path) -> SceneView:
     """Return the view of the plan at ``path``: the robot along its way, and all poses."""
-    session = load_circular_plan(path) if is_circular(path) else load_session(path, "shown")
+    session = _load_plan(path, "shown")
     cell, courses = session.cell, session.courses
     # 360: frames of the view, shared by the courses
     shown = [_show_course(cell, c, max(2, 360 // len(courses))) for c in courses]
@@ -163,16 +164,18 @@ def _spots(cell: Cell, courses: Sequence[Course], path: Path) -> tuple[ViewPose,
     return tuple(spots.values())
 
 
+def _load_plan(path: Path, purpose: str, check: bool = False) -> PlannedSession | CircularPlan:
+    """Read the plan at ``path``, of a circle or of poses; ``purpose`` and ``check`` as of :func:`load_session`."""
+    return load_circular_plan(path) if is_circular(path) else load_session(path, purpose, check=check)
+
+
 def take_plan(path: Path, to: Path) -> None:
     """Copy the folder of a plan, once it is known that plan and cell belong together.
 
     Raises:
         InputError: they do not, or one of them is missing.
     """
-    if is_circular(path):
-        load_circular_plan(path)
-    else:
-        load_session(path, "taken", check=True)
+    _load_plan(path, "taken", check=True)
     shutil.copytree(path.parent, to, dirs_exist_ok=True)
 
 

@@ -28,7 +28,7 @@ def plan_overview(plan: Plan) -> Summary:
         [
             ("drive", f"{driven}; {clearance_text(plan.cell, min(d.clearance for d in plan.drives))}"),
             *(_error_facts(plan.forecast) if plan.forecast else ()),
-            *(() if plan.expected_error else _index_facts(plan)),
+            *(_cure_facts(plan.expected_error) if plan.expected_error else _index_facts(plan)),
             *_unseen_facts(plan.choice.seen.dropped, len(plan.choice.seen.names)),
             *(("tells apart", text) for text in said[:1]),
         ],
@@ -49,12 +49,14 @@ def _numbers_of_poses(plan: Plan, roles: Sequence[str]) -> str:
 
 
 def _error_facts(expected: ErrorForecast) -> Iterator[Fact]:
-    """Say the error of the tool before and after, and what makes it less."""
+    """Say the error of the tool before and after."""
     before, left, at_most = (f"{float(to_mm(v)):.3f} mm" for v in (expected.before, expected.left, expected.at_most))
     yield "error now", f"{before}  of the tool, rms {expected.unknown.where}, {expected.unknown.before_label}"
     yield "error after", f"{left}  95 of 100 such robots below {at_most}"
-    if not isinstance(expected, BayesianDesign):
-        return
+
+
+def _cure_facts(expected: BayesianDesign) -> Iterator[Fact]:
+    """Say how likely the error that was asked for is reached, and what makes it less."""
     if goal := describe_goal(expected):
         yield "goal", goal
     better = [f for f in expected.by_number if f.error < expected.left and f.poses > len(expected.after)]
