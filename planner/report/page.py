@@ -151,6 +151,14 @@ class Report:
         return paths
 
 
+def embed_report(html: str) -> str:
+    """Return a report as part of another page: a shadow root, whose style is its own; nothing of it runs."""
+    style = "".join(re.findall(r"<style>(.*?)</style>", html, re.DOTALL))
+    body = re.sub(r"<script.*?</script>", "", html.partition("<body")[2].partition(">")[2], flags=re.DOTALL)
+    inside = f'<style>{style} .page {{ padding: 0; max-width: none; }}</style><div class="page">{body}</div>'
+    return f'<template shadowrootmode="open">{inside.replace("</body>", "").replace("</html>", "")}</template>'
+
+
 def _view_scripts() -> dict[str, str]:
     """Return what draws the view in space: three.js, packed, and our own scripts as parts of one module."""
     own = "".join((VIEW_FOLDER / name).read_text("utf-8") for name in VIEW_SCRIPTS)

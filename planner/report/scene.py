@@ -35,28 +35,8 @@ class ViewSpot(StrictModel):
     label: str
 
 
-class ViewLayer(StrictModel):
-    """One value at each point of a cloud, packed float32."""
-
-    name: str
-    values: str
-    rms: float
-
-
-class ViewCloud(StrictModel):
-    """Points in space, packed float32 (x, y, z) in mm, coloured by one of several values up to ``most``."""
-
-    what: str
-    unit: str
-    points: str
-    layers: list[ViewLayer]
-    most: float
-
-
 class SceneView(StrictModel):
     """A cell in space, in mm; ``poses`` holds of every frame and carrier twelve float32, rows of (R | p)."""
-
-    cloud: ViewCloud | None = None
 
     parts: list[ViewPart]
     lines: list[ViewLine]

@@ -35,7 +35,6 @@ from planner.service.context import ServiceContext
 from planner.service.file_api import robot_title
 from planner.service.job_api import output_path
 from planner.service.job_filter import JobFilter
-from planner.service.page_content import CalibrationPage
 
 RMS_OF_REPEATABILITY = 3**0.5 / (1.5958 + 3 * 0.6734)
 """Rms distance by RP of ISO 9283 (mean distance plus three standard deviations), where the scatter is alike in space:
@@ -103,7 +102,7 @@ def _fill(
         use=f"{TOOLS[request.tool]}, at {REGIONS[request.region]}",
         groups=_groups(request, document, entry.file.circumstances, record.file.serial, _gauge(cell)),
         method=_method(document, _plan_id(context, command.option("--plan"), inputs)),
-        results=[*_results(CalibrationPage(document)), *_validation_rows(validation)],
+        results=[*_results(document), *_validation_rows(validation)],
         budget=budget,
         expanded_mm=expanded_uncertainty(budget),
         not_contained=list_exclusions(request, document),
@@ -131,11 +130,18 @@ def _groups(
 
 
 def _method(document: Identification, plan_id: str) -> str:
-    found = CalibrationPage(document)
+    """Say which readings the errors are of, how they were held out, and what was fitted and found."""
+    d = document
+    aside = f" {d.n_validation} validation readings took no part in any fit." if d.n_validation else ""
     plan = f" Poses are those of the plan {plan_id}." if plan_id else ""
-    beside = f"geometry and {found.modelled_effects}, which the model holds" if found.modelled_effects else "geometry"
-    titles = found.titles or f"none beyond {beside}"
-    return f"{found.readings}{plan} {len(document.last_fit)} parameters were fitted; findings: {titles}."
+    effects = ", ".join(d.stages[-1].effects)  # where nothing was found: those that cell and robot declare
+    beyond = f"none beyond geometry{f' and {effects}, which the model holds' if effects else ''}"
+    found = "; ".join(f.title for f in d.findings if not f.is_doubtful) or beyond
+    return (
+        f"{d.n_samples} readings at {d.n_groups} {d.split.groups}, in {round(1 / d.split.hold_out)} parts; “held out” "
+        f"means that each part was predicted by a fit to the others.{aside}{plan} {len(d.last_fit)} parameters were "
+        f"fitted; findings: {found}."
+    )
 
 
 def _plan_id(context: ServiceContext, name: str | None, inputs: dict[str, str]) -> str:
@@ -173,9 +179,10 @@ def find_validation(context: ServiceContext, robot_sha256: str) -> AccuracyFile 
     return found if isinstance(found, AccuracyFile) and found.after is not None else None
 
 
-def _results(found: CalibrationPage) -> list[ErrorRow]:
+def _results(document: Identification) -> list[ErrorRow]:
     """Errors of readings held out, and of those of a validation where both robots have them."""
-    both, unit = (("before", found.placed_stage), ("after", found.written_errors)), found.document.reading_unit
+    after = document.release or document.stages[-1]
+    both, unit = (("before", document.placed_stage), ("after", after)), document.reading_unit
     seen = [(f"{name}, validation run", s.validation) for name, s in both if s.validation is not None]
 
     def in_mm(size: float) -> float:

@@ -95,7 +95,12 @@ INSERT INTO cell_sessions SELECT job, job, '', min(at), '', NULL FROM ticks GROU
 INSERT INTO session_ticks SELECT job, step, done, at, person FROM ticks;
 DROP TABLE ticks;
 """  # the index of records is read anew
-MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE, TICKS, NOTICES, CELL_NOTES, RECORDS)
+NO_MAPS = "".join(
+    f"DELETE FROM {table} WHERE job IN (SELECT id FROM jobs WHERE kind = 'error-map');"
+    for table in ("events", "outputs", "inputs", "askers")
+)  # the page of a calibration has the map of its report
+NO_MAPS += "DELETE FROM jobs WHERE kind = 'error-map';"
+MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE, TICKS, NOTICES, CELL_NOTES, RECORDS, NO_MAPS)
 """Statements that lead from one version of the store to the next; the version is how many of them it has seen."""
 VERSION = len(MIGRATIONS)
 NAMING = ("outputs", "inputs", "uploads")  # tables that name files of the store: what stands in none of them may go

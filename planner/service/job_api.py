@@ -50,7 +50,7 @@ def own_check(context: ServiceContext) -> JobCheck:
 
 Kind = Literal[
     "plan", "plan-view", "cell-check", "run-check", "simulation", "export", "study", "identification", "validation",
-    "compensation", "error-map", "command", "check-plan", "check", "fixture-view", "plan-upload",
+    "compensation", "command", "check-plan", "check", "fixture-view", "plan-upload",
 ]  # fmt: skip
 LIST_MOST = 1000  # entries of a page of a list
 

@@ -32,14 +32,9 @@ def _check_parts(path: str) -> str:
 
 
 EverySystem = AfterValidator(_check_parts)
-FileName = Annotated[str, Field(pattern="^[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["run.csv"]), EverySystem]
-FilePath = Annotated[
-    str,
-    Field(
-        pattern="^([A-Za-z0-9_][A-Za-z0-9._+-]{0,99}/){0,4}[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["a1/run.csv"]
-    ),
-    EverySystem,
-]
+NAME = r"[A-Za-z0-9_]([A-Za-z0-9._+-]{0,98}[A-Za-z0-9_+-])?"  # Windows drops a dot at the end
+FileName = Annotated[str, Field(pattern=f"^{NAME}$", examples=["run.csv"]), EverySystem]
+FilePath = Annotated[str, Field(pattern=f"^({NAME}/){{0,4}}{NAME}$", examples=["a1/run.csv"]), EverySystem]
 NOT_NEEDED = ("pictures/", "report.html", "residuals.csv", "printed", "log", "timings.json", "manifest.json")
 
 

@@ -36,7 +36,6 @@ from planner.workflow.plan_use_calls import ExportCall, SimulateCall
 from planner.workflow.verbs import declared_calls
 
 VERBS = (*declared_calls(), "robots", "dialects")  # commands that run on a server
-ERROR_MAP_FILES = ("expected_error.csv", "identification.json")
 SOME_JOB, SOME_FILE = "0123456789abcdef01234567", "0" * 64  # ids that stand in examples of requests
 
 
@@ -262,22 +261,6 @@ class IdentificationRequest(MeasuredRequest):
         return [*runs, *options(plan=plans, cell=[cell, *(f"{own}/cell.toml" for own in more)])]
 
 
-class ErrorMapRequest(OfIdentificationRequest):
-    """Make the map of the error to be expected over the workspace, around the robot of the cell."""
-
-    kind = "error-map"
-    task = True
-    document = "view.json"
-    example = {"model": SOME_JOB}
-
-    def arguments(self, folder: JobFolder) -> list[str]:
-        """Return the cell; the table of errors lies beside it."""
-        folder.results(self.model, "identification", "calibrated", only=ERROR_MAP_FILES)
-        if len(folder.inputs) < len(ERROR_MAP_FILES):
-            raise InputError(f"the identification {self.model} has no expected errors")
-        return [folder.cell_of(self.model)]
-
-
 @take_fields(AccuracyCall)
 class ValidationRequest(MeasuredRequest):
     """What a validation has beside what it declares: run, plan and cell."""
@@ -387,7 +370,6 @@ KINDS: tuple[type[JobRequest], ...] = (
     ExportRequest,
     RunCheckRequest,
     IdentificationRequest,
-    ErrorMapRequest,
     ValidationRequest,
     CheckPlanRequest,
     CheckRequest,

@@ -18,25 +18,24 @@ from planner.cell.reading import load_cell, shipped_cells
 from planner.checks.record import CheckedChange, CheckFile
 from planner.circular.document import CircularDocument
 from planner.common.errors import InputError
+from planner.common.files import read_utf8
 from planner.common.schema import read_json
 from planner.documents.baseline import NAME as BASELINE
-from planner.model.finding import percent
 from planner.model.identification_document import Identification
+from planner.report.page import embed_report
 from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext, at_one_moment
 from planner.service.declared_request import typed_options
 from planner.service.file_api import describe_cell, dialect_entries, robot_entries
+from planner.service.guards import EMBEDDING_POLICY
 from planner.service.job_api import output_path
 from planner.service.job_filter import JobFilter, State
 from planner.service.job_folder import JobId, Sha256
 from planner.service.job_requests import REQUESTS
 from planner.service.page_content import (
     PLANS,
-    CalibrationPage,
     CheckForecastFile,
     correction_text,
-    find_action,
-    finding_size,
     is_simulated,
     pictures,
     plan_facts,
@@ -78,7 +77,6 @@ SerialQuery = Annotated[str, Query(max_length=61, description="of the robot")]
 PAGES = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 
 
-ENVIRONMENT.globals |= {"find_action": find_action, "finding_size": finding_size, "percent": percent}
 ENVIRONMENT.globals["typed_options"] = typed_options
 
 
@@ -182,14 +180,19 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
 
 
 def _show_calibration(context: ServiceContext, job: Job) -> HTMLResponse:
-    found, outputs = None, {f.name: f.sha256 for f in job.files}
+    """A calibration: its report as the file shows it, and what the service knows of the robot."""
+    outputs, shown = {f.name: context.files.path(f.sha256) for f in job.files}, dict[str, object](report="")
     if job.state == "done":
-        found = CalibrationPage(Identification.read(context.files.path(outputs["identification.json"])))
+        document = Identification.read(outputs["identification.json"])
+        shown |= {"more": document.more, "standing": context.judge.standing(job.id)}
+    if "report.html" in outputs:
+        shown["report"] = embed_report(read_utf8(outputs["report.html"]))
     baseline = BASELINE in outputs
     checks = [c for c in _plans(context, "check-plan") if find_calibration(context, c.id) == job.id] if baseline else []
-    shown = {"files": visible_files(job), "pictures": pictures(job), **_record_form(context, job)}
-    standing = context.judge.standing(job.id) if found else None
-    return render("calibration", job=job, standing=standing, found=found, baseline=baseline, checks=checks, **shown)
+    shown |= {"baseline": baseline, "checks": checks, "files": visible_files(job), **_record_form(context, job)}
+    page = render("calibration", job=job, **shown)
+    page.headers["content-security-policy"] = EMBEDDING_POLICY
+    return page
 
 
 @PAGES.get("/compare")

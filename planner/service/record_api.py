@@ -29,7 +29,7 @@ from planner.service.record_index import (
 )
 
 RECORDS = APIRouter(prefix="/api", tags=["records"])
-SERIAL = "^[A-Za-z0-9][A-Za-z0-9._-]{0,60}$"
+SERIAL = "^[A-Za-z0-9]([A-Za-z0-9._-]{0,59}[A-Za-z0-9_-])?$"
 Serial = Annotated[str, InPath(pattern=SERIAL, description="serial number", examples=["KR6-0815"]), EverySystem]
 SerialText = Annotated[str, Field(pattern=SERIAL, description="serial number", examples=["KR6-0815"]), EverySystem]
 

@@ -18,51 +18,14 @@ from planner.circular.plan import CircularPlan
 from planner.common.errors import InputError, PlannerError
 from planner.common.schema import StrictModel
 from planner.common.units import Array, to_deg, to_mm
-from planner.model.identification_document import Identification
 from planner.motion.collision.surroundings import check_surroundings
 from planner.report.cell_view import ShownMotion, ViewPose, tool_points, view_session
-from planner.report.scene import SceneView, ViewCloud, ViewLayer, pack_numbers, pack_scene
+from planner.report.scene import SceneView, pack_scene
 from planner.runs.run import Run
 from planner.service.views import check_view, view_fixture
 from planner.session.course import Course
 from planner.session.document import read_plan
 from planner.session.planned_session import PlannedSession, load_session
-
-LAYERS = (  # columns of the table, names, and the figures of the identification's release
-    ("released_mm", "calibrated", "anywhere"),
-    ("geometry_mm", "geometry alone", "geometry_anywhere"),
-    ("nominal_mm", "before", "nominal_anywhere"),
-)
-
-
-def map_errors(cell: Cell, table: Path, document: Path) -> SceneView:
-    """Return the view of a cell with the expected errors of ``expected_error.csv``, as its identification sums them up.
-
-    Each column is scaled so that its rms is the figure of ``identification.json``, which is as likely exceeded as not:
-    the mean square is larger, as a few of the robots that the run allows are far off.
-
-    Raises:
-        InputError: the table has no such columns.
-    """
-    values = np.genfromtxt(table, delimiter=",", names=True, max_rows=20_000)  # lines of a table
-    names = values.dtype.names or ()
-    missing = [n for n in ("x_mm", "y_mm", "z_mm", LAYERS[0][0]) if n not in names]
-    if missing:
-        raise InputError(f"{table.name}: the column '{missing[0]}' is missing")
-    points = np.stack([values["x_mm"], values["y_mm"], values["z_mm"]], axis=1)
-    found = Identification.read(document)
-    known = {"anywhere": found.workspace_error, **dict(found.release or ())}
-    layers, most = [], []
-    for name, title, figure in LAYERS:
-        if name in names and figure in known:
-            rms = float(to_mm(known[figure]))
-            error = values[name] * (rms / float(np.sqrt(np.mean(values[name] ** 2))))
-            most.append(float(np.quantile(error, 0.99)))  # nearly the largest
-            layers.append(ViewLayer(name=title, values=pack_numbers(error), rms=rms))
-    cloud = ViewCloud(what="error to be expected", unit="mm", points=pack_numbers(points), layers=layers, most=most[0])
-    view = check_view(cell).view
-    low, high = (f(np.vstack([points, view.low_mm, view.high_mm]), axis=0) for f in (np.min, np.max))
-    return view.model_copy(update={"cloud": cloud, "low_mm": tuple(low.tolist()), "high_mm": tuple(high.tolist())})
 
 
 class RunSeries(StrictModel):
@@ -179,7 +142,7 @@ def take_plan(path: Path, to: Path) -> None:
     shutil.copytree(path.parent, to, dirs_exist_ok=True)
 
 
-RESULT, CALIBRATED = Path("out/view.json"), Path("calibrated")
+RESULT = Path("out/view.json")
 
 
 def run_task(words: list[str]) -> BaseModel | None:
@@ -202,8 +165,6 @@ def run_task(words: list[str]) -> BaseModel | None:
         case ["plan-upload", plan]:
             take_plan(Path(plan), RESULT.parent)
             return None
-        case ["error-map", name]:
-            return map_errors(load_cell(name), CALIBRATED / "expected_error.csv", CALIBRATED / "identification.json")
     raise InputError(f"there is no task '{' '.join(words)}'")
 
 

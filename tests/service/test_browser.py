@@ -135,10 +135,10 @@ def test_from_cell_to_program_and_from_log_to_calibration(page, tmp_path):
     check_page(page, "log")
     page.uncheck("#trace")
     page.click("#identify")
-    page.wait_for_selector("text=Before and after")
-    page.wait_for_selector("#layer option", state="attached")
-    before, after = (float(v.split()[0]) for v in page.locator(".figure b").all_inner_texts()[:2])
-    assert after < before
+    page.wait_for_selector("#report .big")
+    before = re.search(r"Before: ([\d.]+) mm", page.inner_text("#report .first"))
+    assert before
+    assert float(page.inner_text("#report .big").split()[0]) < float(before[1])
     check_page(page, "calibration")
     page.click("text=Certificate")
     page.wait_for_selector("text=A certificate is of one robot")

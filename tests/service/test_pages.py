@@ -12,12 +12,11 @@ from scipy.stats import maxwell
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.model.identification_document import Identification, Release, WorkToolError
-from planner.model.use_statement import ToolUse, Use
+from planner.common.files import document_text
 from planner.service.certificate_content import RMS_OF_REPEATABILITY, find_validation
 from planner.service.job_record import JobCommand, JobInput, JobOutput
 from planner.service.job_requests import CommandRequest
-from planner.service.page_content import GENERAL, CalibrationPage, find_action, plan_facts
+from planner.service.page_content import plan_facts
 from planner.service.pages import render
 from planner.service.runner import SHIPPED
 from planner.service.serving import build_context
@@ -26,6 +25,7 @@ from planner.service.tasks import check_run
 from planner.service.views import check_view
 from planner.session.document import PlanDocument
 from planner.session.document_parts import ForesightRecord
+from tests.checks.test_record import calibration
 from tests.service.conftest import begin_session, client_of, ended, settings, upload
 from tests.service.test_crashes import CHEAP, Store
 
@@ -175,11 +175,6 @@ def test_a_certificate_takes_the_validation_of_its_own_calibration(tmp_path):
     assert find_validation(context, "e" * 64) is None
 
 
-@pytest.mark.parametrize("effect", ["gear ripple", "joint compliance", "backlash", "session step"])
-def test_a_finding_has_an_action_of_its_own(effect):
-    assert find_action(effect) != GENERAL
-
-
 def test_repeatability_becomes_the_rms_of_such_a_scatter():
     """RP of ISO 9283 is the mean distance plus three standard deviations; distances in space follow Maxwell."""
     rms = (maxwell.mean() ** 2 + maxwell.var()) ** 0.5
@@ -203,31 +198,27 @@ def test_the_error_to_be_expected_of_a_plan_is_told():
     assert ("error to be expected", "0.351 mm") in plan_facts(plan)
 
 
-@pytest.mark.parametrize(
-    ("release", "use", "said"),
-    [
-        (None, None, "No robot was written: this calibration must not be used."),
-        ((0.0542e-3, 0.53e-3, None), None, "than 0.055 mm (rms, 95 % sure); a tool point that was not measured is"),
-        ((0.0542e-3, 0.53e-3, 0.07e-3), None, "the tool that it works with is about 0.070 mm off"),
-        ((0.0542e-3, 0.53e-3, None), 0.1e-3, "Good for offline programs within 0.088 mm with the measured tool"),
-    ],
-)  # fmt: skip
-def test_the_page_of_a_calibration_says_for_what_it_is_good_enough(release, use, said):
-    made = None
-    if release is not None:
-        own = None if release[2] is None else WorkToolError.model_construct(anywhere=release[2])
-        made = Release.model_construct(at_most=release[0], other_tool=release[1], work_tool=own)
-    verdict = None
-    if use is not None:
-        tools = (("measured", 0.088e-3, 5.8e-3, 0.99, 0.01, "yes"), ("another", 1.9e-3, 6.2e-3, 0.2, 0.01, "no"))
-        names = ("tool", "targets_within", "targets_within_before", "share", "share_before", "answer")
-        told = tuple(ToolUse(**dict(zip(names, t, strict=True))) for t in tools)
-        verdict = Use(tolerance=use, repeatability=0.03e-3, tools=told)
-    page = CalibrationPage(Identification.model_construct(release=made, use=verdict))
-    assert said in page.verdict
-    assert (page.use_table is None) == (use is None)
-    if page.use_table is not None:
-        head, rows = page.use_table
-        assert head[-1] == "within 0.1 mm?"
-        assert [row[-1].partition(":")[0] for row in rows] == ["yes", "yes", "no"]
-        assert {len(row) for row in rows} == {len(head)}
+REPORT = """<!doctype html><html><head><style>h1 { color: red; }</style></head><body class="page">
+<h1>Good for 0.5 mm</h1><p style="--c: red">&lt;b&gt;</p><script>alert("not here")</script></body></html>"""
+
+
+@pytest.mark.parametrize("has_report", [True, False])
+def test_the_page_of_a_calibration_is_its_report_and_what_the_service_knows(tmp_path, has_report):
+    store, id = Store(tmp_path), "a" * 24
+    files = {"identification.json": document_text(calibration(0.01))} | ({"report.html": REPORT} if has_report else {})
+    store.jobs.submit(id, "identification", "run.csv", "{}", CHEAP)
+    done = [JobOutput(n, store.files.add(text.encode()), len(text)) for n, text in files.items()]
+    assert store.jobs.finish(store.jobs.take(2), "done", done, 0, None)
+    with client_of(tmp_path, workers=0) as client:
+        answer = client.get(f"/jobs/{id}")
+        inside = re.search('<template shadowrootmode="open">(.*)</template>', answer.text, re.DOTALL)
+        assert (inside is not None) == has_report
+        assert ("<h1>Calibration from run.csv</h1>" in answer.text) != has_report
+        assert "h1 { color: red; }" in (inside[1] if inside else "h1 { color: red; }")
+        assert "alert" not in answer.text
+        assert ("&lt;b&gt;" in answer.text) == has_report
+        policy = answer.headers["content-security-policy"]
+        assert "script-src 'self';" in policy, "what is in a report does not run"
+        assert "style-src 'self' 'unsafe-inline'" in policy
+        for own in (f"/jobs/{id}/certificate", f"/jobs/{id}/correct", "Into the record", f"/api/jobs/{id}/report"):
+            assert own in answer.text

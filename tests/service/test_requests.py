@@ -59,7 +59,6 @@ CASES = [
      ["a.csv", "b.csv"]),
     ("plan-upload", {"files": ["plan.csv", "cell.csv"]}, "plan-upload plan/plan.json",
      ["plan/plan.csv", "plan/cell.csv"]),
-    ("error-map", {"model": KNOWN}, "error-map ur10/edbb", [*CALIBRATED[:2], "run.csv"]),
     ("check-plan", {"model": KNOWN},
      "plan-check ur10/edbb --model calibrated -o out --json --poses 10 --seed 0", ["run.csv", *CALIBRATED]),
     ("check", {"plan": CHECK, "run": "c.csv", "limit_mm": 0.2},

@@ -4,7 +4,7 @@ import sqlite3
 
 import pytest
 
-from planner.service.database import MIGRATIONS, Database
+from planner.service.database import MIGRATIONS, RECORDS, Database
 from planner.service.job_filter import JobFilter
 from planner.service.job_store import JobStore
 from planner.service.session_store import SessionStore
@@ -55,12 +55,15 @@ def test_a_session_that_is_begun_again_keeps_what_was_ticked(client):
 def test_a_store_of_before_keeps_jobs_and_ticks(tmp_path):
     path = tmp_path / "jobs.sqlite3"
     with sqlite3.connect(path) as db:
-        for step in MIGRATIONS[:-1]:
+        before = MIGRATIONS.index(RECORDS)
+        for step in MIGRATIONS[:before]:
             db.executescript(step)
-        db.execute(f"PRAGMA user_version = {len(MIGRATIONS) - 1}")
+        db.execute(f"PRAGMA user_version = {before}")
         row = (JOB, "plan", "a plan", "{}", '{"words": ["plan"]}', "done", 1.0, "ada")
         names = "id, kind, title, request, command, state, created, person"
         db.execute(f"INSERT INTO jobs ({names}) VALUES (?, ?, ?, ?, ?, ?, ?, ?)", row)
+        db.execute(f"INSERT INTO jobs ({names}) VALUES ('m', 'error-map', 'a map', '{{}}', '{{}}', 'done', 1.0, 'ada')")
+        db.execute("INSERT INTO outputs VALUES ('m', 'view.json', 'x', 1)")
         db.execute("INSERT INTO ticks VALUES (?, 'step-1', 1, 2.0, 'wanda')", (JOB,))
         db.execute("INSERT INTO robots VALUES ('S1', 'ur10', 'good', '', NULL, '', 1, 0, 'stamp')")
         db.execute("INSERT INTO recorded VALUES ('S1', 0, 'x', '{}')")
@@ -68,6 +71,7 @@ def test_a_store_of_before_keeps_jobs_and_ticks(tmp_path):
     database = Database(path)
     jobs, sessions = JobStore(database), SessionStore(database)
     assert jobs.askers(JOB) == {"ada"}
+    assert database.read("SELECT * FROM outputs") == [], "views that no page shows any more"
     assert [j.id for j in jobs.list_jobs(JobFilter(person="ada"))] == [JOB]
     (session,) = sessions.list_sessions(plan=JOB)
     assert (session.serial, sessions.people(session)) == ("", ["wanda"])

@@ -125,7 +125,7 @@ export function showFacts(list, facts) {
 }
 
 // What only serves a page; a person looks for the others.
-const HELPERS = ["plan-view", "fixture-view", "error-map", "cell-check", "run-check", "simulation", "export"];
+const HELPERS = ["plan-view", "fixture-view", "cell-check", "run-check", "simulation", "export"];
 export const isResult = (job) => !HELPERS.includes(job.kind);
 
 /** How far a job is, or what it has found. */

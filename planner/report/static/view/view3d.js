@@ -7,14 +7,6 @@ const ROLES = { calibrate: "#0072B2", repeat: "#009E73", validate: "#CC79A7", mo
 const MANY = 100; // poses: more of them hide the robot, and so does their path
 const LINES = { "measuring path": "#3c3c3c", "path to the start": "#8c8c8c" };
 
-const SCALE = ["#2c3e8f", "#2a78b8", "#35a7a0", "#8cc665", "#f2c53d", "#e8743b", "#b4232c"];
-
-// The colour at a share of the scale; beyond its end the last.
-export function scaleColour(share) {
-  const at = Math.min(0.9999, Math.max(0, share)) * (SCALE.length - 1), k = Math.floor(at);
-  return new THREE.Color(SCALE[k]).lerp(new THREE.Color(SCALE[k + 1]), at - k);
-}
-
 // Orange, green and blue of Okabe and Ito, which the colour-blind tell apart; the letters say it too.
 const AXES = [["x", "#D55E00", [1, 0, 0]], ["y", "#009E73", [0, 1, 0]], ["z", "#0072B2", [0, 0, 1]]];
 
@@ -79,7 +71,6 @@ export class CellView {
     for (const part of this.view.parts) this.addPart(part);
     for (const line of this.view.lines) this.addLine(line);
     this.addSpots();
-    this.addCloud();
     this.addFloor();
     this.addAxes();
   }
@@ -151,25 +142,6 @@ export class CellView {
       const name = role === "calibrate" && document.body.dataset.kind === "check-plan" ? "check" : role;
       this.scene.add(this.layer(`${name} (${spots.length})`, colour, mesh));
     }
-  }
-
-  addCloud() {
-    if (!this.view.cloud) return;
-    const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("position", new THREE.BufferAttribute(unpack(this.view.cloud.points, Float32Array), 3));
-    const material = new THREE.PointsMaterial({ size: 42, vertexColors: true, transparent: true, opacity: 0.9 });
-    this.points = new THREE.Points(geometry, material);
-    this.scene.add(this.layer(this.view.cloud.what, "#bb3754", this.points));
-    this.colour(0);
-  }
-
-  // Colours the cloud by one of its values, from dark (none) to bright (all that the scale has).
-  colour(k) {
-    const { layers, most } = this.view.cloud, values = unpack(layers[k].values, Float32Array);
-    const colours = new Float32Array(3 * values.length), colour = new THREE.Color();
-    values.forEach((v, i) => colour.set(scaleColour(v / most)).toArray(colours, 3 * i));
-    this.points.geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
-    this.draw();
   }
 
   addFloor() {
