@@ -104,7 +104,7 @@ def test_five_things_come_first_and_are_those_of_screen_and_document(c: Calibrat
 
 def test_at_most_600_words_are_open(folder: Path) -> None:
     html = (folder / "report.html").read_text(encoding="utf-8")
-    body = re.sub(r"<(script|style).*?</\1>", "", html[html.index("<body>") :], flags=re.S)
+    body = re.sub(r"<(script|style).*?</\1>", "", html[html.index("<body") :], flags=re.S)
     shown = re.sub(r"<details>\s*(<summary>.*?</summary>).*?</details>", r"\1", body, flags=re.S)
     assert 60 < len(re.sub(r"<[^>]+>", " ", shown).split()) < 600
 
@@ -174,7 +174,7 @@ def test_problems_stand_first_and_in_red(c: Calibration, monkeypatch: pytest.Mon
     bad = c.model_copy(update={"problems": ("joint 9 came out <b>odd</b>",)})
     assert refusal_text(bad) == ("Not to be used, because joint 9 came out <b>odd</b>.",)
     html = report_calibration(bad).html()
-    body = html[html.index("<body>") :]
+    body = html[html.index("<body") :]
     assert "joint 9 came out &lt;b&gt;odd&lt;/b&gt;" in body
     assert body.index('class="refused"') < body.index('class="first"')
     assert re.search(r"\.refused \{[^}]*color: #8a0018", html)
