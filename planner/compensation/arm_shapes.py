@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.common.units import QUARTER_TURN, Array
+from planner.common.units import DEG, QUARTER_TURN, Array
 from planner.compensation.targets import CorrectedArm
 from planner.compensation.tolerances import SHAPE_BORDER, WRIST_OFF
 from planner.kinematics.robot import Robot
+from planner.programs.languages.declared import ArmShape
 
 
 def has_shapes(robot: Robot) -> bool:
@@ -135,3 +136,57 @@ class ConfData:
 def _in_quarter(angle: Array, quarter: int, tolerance: float) -> np.ndarray:
     low = quarter * QUARTER_TURN
     return np.asarray((angle > low - tolerance) & (angle < low + QUARTER_TURN + tolerance))
+
+
+@dataclass(frozen=True)
+class WrittenShape:
+    """A shape of the arm that a language says in words, which no correction writes anew.
+
+    Attributes:
+        shapes: numbers of the shapes that the words leave, the more usual first.
+        within: joints from 0, and the ranges [rad] of which one must hold the joint's angle.
+    """
+
+    shapes: tuple[int, ...]
+    within: tuple[tuple[int, tuple[tuple[float, float], ...]], ...] = ()
+
+    @classmethod
+    def of(cls, said: ArmShape, robot: Robot) -> "WrittenShape | str":
+        """Return the shape for a robot, in the axes of its controller; or why it is not certain."""
+        elbow = said.third_over
+        if said.elbow_up is not None:
+            elbow = said.elbow_up == elbow_up_is_over(robot)
+        if said.rear is None or elbow is None:
+            return "its shape of the arm is said in part, the rest is as at the target before"
+        if said.fifth_negative is None and not said.within:
+            return "its shape of the arm does not say the wrist"
+        wrists = (0, 4) if said.fifth_negative is None else (4 * said.fifth_negative,)
+        ends = tuple((j, tuple((a * DEG, b * DEG) for a, b in ranges)) for j, ranges in said.within)
+        return cls(tuple(int(said.rear) | 2 * int(elbow) | wrist for wrist in wrists), ends)
+
+    @property
+    def shape(self) -> int | None:
+        """Number of the arm's shape; the first that is left."""
+        return self.shapes[0]
+
+    def turns(self, q: Array) -> np.ndarray:
+        """Return whether the joints q (n, N) [rad] are in the ranges that are said; at a border either will do."""
+        fits = np.ones(q.shape, dtype=bool)
+        for joint, ranges in self.within:
+            inside = [(q[:, joint] > a - SHAPE_BORDER) & (q[:, joint] < b + SHAPE_BORDER) for a, b in ranges]
+            fits[:, joint] = np.any(inside, axis=0)
+        return fits
+
+    def correct_numbers(self, arm: CorrectedArm) -> tuple[int, ...]:
+        """Return no numbers: the words stay as they are."""
+        del arm
+        return ()
+
+
+def elbow_up_is_over(robot: Robot) -> bool:
+    """Return whether joint 3 counts more than at the stretched arm where the elbow is up and the arm in front."""
+    p, u = _axes(robot, np.zeros((1, 6)))
+    ahead = np.cross(u[0], u[1])
+    ahead = ahead * np.sign(np.sum(ahead * (_wrist(p, u) - p[0])))
+    left = np.cross([0.0, 0.0, 1.0], ahead)
+    return bool(np.sum(left * u[2]) * np.sign(robot.coupling_matrix[2, 2]) > 0.0)

@@ -23,17 +23,24 @@ from planner.compensation.languages import (
     add_head,
     check_reach,
     detect_dialect,
-    family_of,
     foreign_robot_notes,
     read_targets,
 )
-from planner.compensation.module_files import files_together, global_targets
+from planner.compensation.module_files import are_one_program, files_together, global_targets
 from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.program_text import read_program
 from planner.compensation.report import CompensationReport, read_printed_angles, report_of
-from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
-from planner.compensation.targets import CorrectedArm, Note, Target, TargetReading, ToolAndBase, list_lines
+from planner.compensation.rotations import frame, inverse, to_euler, to_quaternion
+from planner.compensation.targets import (
+    CartesianTarget,
+    CorrectedArm,
+    Note,
+    Target,
+    TargetReading,
+    ToolAndBase,
+    list_lines,
+)
 from planner.compensation.tolerances import SAME, SHAPE_BORDER
 from planner.compensation.unmet_targets import problems_summary, target_problems, turn_notes
 from planner.kinematics.axes import AxisConvention
@@ -113,7 +120,15 @@ class _Source:
             InputError: the meaning of the whole file is uncertain.
         """
         together = self.declared_together or frozenset()
-        reading = TargetReading(self.name, self.robot, self.frames, self.companion, together)
+        reading = TargetReading(
+            self.name,
+            self.robot,
+            self.frames,
+            self.companion,
+            together,
+            pulses_per_deg=self.axes.pulses_per_deg,
+            p_MC=self.axes.p_MC,
+        )
         read_targets(self.dialect, text, reading)
         reading.check()
         return reading
@@ -140,7 +155,7 @@ def compensate_file(
     as a file of its own: a target that does not come back as it was meant is left as it was.
 
     Args:
-        path: targets (CSV) or a robot program (KRL, RAPID, PDL2, G-code of the shipped dialects).
+        path: targets (CSV) or a robot program in one of the languages that are corrected.
         nominal: the robot that the controller believes in.
         calibrated: the robot as it is.
         dialect: name of the dialect, or ``csv``, where suffix and content do not tell.
@@ -166,12 +181,12 @@ def compensate_file(
             check_no_measuring_program(path.name, text)
     language = dialect or detect_dialect(path, text)
     axes = axes_of_file(path.name, language, text, nominal, axes_of)
-    together = files_together(path, family_of(language), text)
+    together = files_together(path, language, text)
     notes = [*axes_notes(language, nominal, axes), *foreign_robot_notes(path.name, language, text, nominal)]
     step = next_step(language, nominal, axes)
     nominal, calibrated = nominal.in_axes(axes), FlangeInAxes(calibrated, axes)
     seeds = SearchSeeds(nominal)
-    companion, frames = _texts_together(family_of(language), together.values(), frames)
+    companion, frames = _texts_together(language, together.values(), frames)
     shared = frozenset[str]().union(*map(global_targets, together.values())) if together else None
     source = _Source(
         path.name,
@@ -193,9 +208,9 @@ def compensate_file(
     return replace(_correct_source(path, source, notes, strict, mark), others=tuple(together))
 
 
-def _texts_together(family: str, texts: Iterable[str], frames: ToolAndBase) -> tuple[str, ToolAndBase]:
+def _texts_together(language: str, texts: Iterable[str], frames: ToolAndBase) -> tuple[str, ToolAndBase]:
     """Return what the other files of a program say: as the other half of a KRL module, or as modules beside."""
-    if family == "krl":
+    if are_one_program(language):
         return "\n".join(texts), frames
     return "", replace(frames, data="\n".join([frames.data, *(t for t in texts if t not in frames.data)]))
 
@@ -338,14 +353,20 @@ def _values(robot: Robot, targets: list[Target], q: Array, q_new: Array) -> list
     T = T @ np.array([p.T_FT for p in poses])
     arms = _arms(robot, q[at], q_new[at])
     for k, (i, pose) in enumerate(zip(at, poses, strict=True)):
-        to_words = to_abc if pose.spelling == "abc" else to_quaternion
-        numbers = [*T[k, :3, 3], *to_words(T[k : k + 1, :3, :3], pose.words[None])[0]]
+        numbers = [*T[k, :3, 3], *_orientation_words(T[k : k + 1, :3, :3], pose)]
         if pose.configuration is not None:
             numbers += pose.configuration.correct_numbers(arms[k])
         elif pose.start is not None:
             numbers += q_new[i].tolist()
         out += zip(targets[i].slots, [float(v) for v in numbers], strict=True)
     return out
+
+
+def _orientation_words(R: Array, pose: CartesianTarget) -> Array:
+    """Return the orientation (1, 3, 3) in the words of the pose that it corrects."""
+    if pose.spelling == "quaternion":
+        return to_quaternion(R, pose.words[None])[0]
+    return to_euler(R, pose.words[None], "ZYX" if pose.spelling == "abc" else pose.spelling)[0]
 
 
 def _arms(robot: Robot, q: Array, q_new: Array) -> list[CorrectedArm]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from planner.common.errors import InputError
 from planner.common.files import read_bytes
+from planner.compensation.languages import corrected_dialects, corrected_languages
 
 _LINES = re.IGNORECASE | re.MULTILINE
 _TABLE = "Read the joint angles out as a table (CSV: q1_deg …), and correct that"
@@ -44,15 +45,12 @@ FOREIGN_LANGUAGES: Sequence[ForeignLanguage] = (
         "Of FANUC robots TP programs are read, as text (.LS)",
     ),
     ForeignLanguage(
-        "VAL3 (Stäubli)",
-        (".pgx", ".pjx", ".dtx"),
-        (r"www\.staubli\.com/robotics/VAL3|\bwaitEndMove\s*\(|\bmove[jl]\s*\(\s*appro\s*\(|^[ \t]*putln\s*\(",),
-    ),
-    ForeignLanguage("INFORM (Yaskawa)", (".jbi",), (r"^/JOB[ \t\r]*$", r"^//(?:NAME|POS|INST)\b")),
-    ForeignLanguage(
-        "AS (Kawasaki) or V+ (Adept, Stäubli)",
-        (".as", ".v2"),
-        (r"^[ \t]*\.PROGRAM[ \t]+[\w.]+[ \t]*\(", r"^[ \t]*\.END\b"),
+        "V+ (Adept, Stäubli)",
+        (".v2",),
+        (
+            r"^[ \t]*\.PROGRAM[ \t]+[\w.]+[ \t]*\(",
+            r"^[ \t]*(?:MOVES?T?|APPROS?|DEPARTS?)[ \t]+[#\w]",
+        ),
     ),
     ForeignLanguage(
         "DRL (Doosan)",
@@ -108,9 +106,6 @@ FOREIGN_LANGUAGES: Sequence[ForeignLanguage] = (
 )
 
 
-READ = "KRL, RAPID, PDL2, FANUC TP (.LS), URScript, G-code and tables (CSV)"
-
-
 def refuse_foreign_language(path: Path, by_suffix: bool) -> None:
     """Refuse a file in a language that is not read here: by what stands in it, then by its suffix, text or not.
 
@@ -122,7 +117,11 @@ def refuse_foreign_language(path: Path, by_suffix: bool) -> None:
         InputError: naming the language, what is read, and what can be done.
     """
     text = read_bytes(path).decode("latin-1")
-    said = (f for f in FOREIGN_LANGUAGES if f.signs and all(re.search(sign, text, _LINES) for sign in f.signs))
-    named = (f for f in FOREIGN_LANGUAGES if by_suffix and path.suffix.lower() in f.suffixes)
+    ours = {end for d in corrected_dialects() for end in (*d.extensions, *d.reading.suffixes)}
+    foreign = [f for f in FOREIGN_LANGUAGES if ours.isdisjoint(f.suffixes)]  # the others have a dialect by now
+    said = (f for f in foreign if f.signs and all(re.search(sign, text, _LINES) for sign in f.signs))
+    named = (f for f in foreign if by_suffix and path.suffix.lower() in f.suffixes)
     if found := next(chain(said, named), None):
-        raise InputError(f"{path}: is {found.name}, which is not read here; read are {READ}. {found.cure}")
+        raise InputError(
+            f"{path}: is {found.name}, which is not read here; read are {corrected_languages()}. {found.cure}"
+        )

@@ -1,43 +1,52 @@
 """Which language a file is in, by its suffix or by what it says; who reads it; and how it says what was left in it."""
 
 import re
-import textwrap
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import numpy as np
 
+import planner.compensation.formats as formats
+import planner.compensation.formats.csv as csv
 from planner.common.errors import InputError, did_you_mean
 from planner.common.remarks import CELL_ENDS, remark_of
 from planner.common.units import Array
-from planner.compensation.formats import csv, fanuc, gcode, krl, pdl2, rapid, urscript
+from planner.compensation.module_files import TABLE
 from planner.compensation.nominal_angles import UNREACHED
 from planner.compensation.targets import Note, Target, TargetReading, line_ranges
 from planner.compensation.tolerances import OVER_LIMIT
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import list_robots
-from planner.programs.dialect import CommentStyle, Dialect, dialect_names, load_dialect, plain_text
+from planner.programs.controller_axes import missing_pulses
+from planner.programs.dialect import CommentStyle, Dialect, dialect_names, dialects, load_dialect, plain_text
+from planner.programs.languages.declared import DeclaredExecution
 from planner.programs.languages.statements import Lines
+from planner.programs.verification import EXECUTIONS
 
-TABLE = "csv"  # stands for a table of targets among the names of dialects
-READERS: dict[str, Callable[[str, Dialect, TargetReading], None]] = {
-    "gcode": gcode.read,
-    "krl": krl.read,
-    "rapid": rapid.read,
-    "pdl2": pdl2.read,
-    "urscript": urscript.read,
-    "fanuc": fanuc.read,
-}
-TP_REMARK = CommentStyle(start="   :  !", end=" ;", forbid=";[]", max_length=31)  # a statement of its own, unnumbered
-MORE_SUFFIXES = {".csv": TABLE, ".sys": "rapid", ".modx": "rapid", ".spf": "sinumerik"}
-CONTENT_PATTERNS = {
-    "urscript": r"^[ \t]*+def[ \t]+\w+[ \t]*\([^)\n]*\)[ \t]*:[ \t]*\r?$",
-    "fanuc-tp": r"^/PROG[ \t]+\w+",
-    "krl": r"^[ \t]*+(&ACCESS|DEF(DAT|FCT)?\s+\w+)",
-    "rapid": r"^[ \t]*+MODULE\s+\w+",
-    "pdl2": r"^[ \t]*+PROGRAM\s+\w+",
-    TABLE: r"^[^\n]*\bq1_(deg|rad)\b",
-}
+TABLE_CONTENT = r"^[^\n]*\bq1_(deg|rad)\b"
+Reader = Callable[[str, Dialect, TargetReading], None]
+
+
+@cache
+def _reader_of(family: str) -> Reader | None:
+    """Return what reads the targets of a family of languages, or None where nothing does: a module of ``formats``."""
+    own = {m.name for m in iter_modules(formats.__path__)}
+    name = "declared" if issubclass(EXECUTIONS[family], DeclaredExecution) else family
+    reader: Reader | None = import_module(f"{formats.__name__}.{name}").read if name in own else None
+    return reader
+
+
+def corrected_dialects() -> tuple[Dialect, ...]:
+    """Return the dialects whose programs are corrected."""
+    return tuple(d for d in dialects() if _reader_of(d.reading.family) is not None)
+
+
+def corrected_languages() -> str:
+    """Return what is corrected, for a sentence: ``KRL, RAPID and tables (CSV)``."""
+    return f"{', '.join(sorted({d.language for d in corrected_dialects()}))} and tables (CSV)"
 
 
 def detect_dialect(path: Path, text: str) -> str:
@@ -47,14 +56,13 @@ def detect_dialect(path: Path, text: str) -> str:
         InputError: neither suffix nor content tells, or X Y Z may be a place as well as joint angles.
     """
     suffix = path.suffix.lower()
-    read = (d for d in map(load_dialect, dialect_names()) if d.reading.family in READERS)
-    own = {end.lower(): d.name for d in read for end in d.extensions}
-    known = own | MORE_SUFFIXES
+    read = corrected_dialects()
+    known = {end.lower(): d.name for d in read for end in (*d.extensions, *d.reading.suffixes)} | {".csv": TABLE}
     if suffix in known:
         _check_axis_words(path, text, known[suffix])
         return known[suffix]
-    for name, pattern in CONTENT_PATTERNS.items():
-        if re.search(pattern, text, re.IGNORECASE | re.MULTILINE):
+    for name, pattern in (*((d.name, d.reading.content) for d in read), (TABLE, TABLE_CONTENT)):
+        if pattern and re.search(pattern, text, re.IGNORECASE | re.MULTILINE):
             return name
     raise InputError(
         f"{path}: neither the suffix '{suffix}' nor the content tells the language; suffixes that do: "
@@ -82,17 +90,12 @@ def _check_axis_words(path: Path, text: str, name: str) -> None:
     )
 
 
-def family_of(name: str) -> str:
-    """Return the family of languages that a dialect belongs to, or ``csv``."""
-    return TABLE if name == TABLE else load_dialect(name).reading.family
-
-
 def _comment_style(name: str) -> CommentStyle:
     """Return how a remark is written in a dialect, or in a table."""
     if name == TABLE:
         return CommentStyle(start="# ")
-    style = load_dialect(name).comment
-    return TP_REMARK if family_of(name) == "fanuc" else style
+    dialect = load_dialect(name)
+    return dialect.reading.remark or dialect.comment
 
 
 def read_targets(name: str, text: str, reading: TargetReading) -> None:
@@ -108,24 +111,18 @@ def read_targets(name: str, text: str, reading: TargetReading) -> None:
         known = dialect_names()
         raise InputError(f"no dialect '{name}'{did_you_mean(name, known)} (known: {TABLE}, {', '.join(known)})")
     dialect, n = load_dialect(name), reading.robot.n_joints
-    if dialect.reading.family not in READERS:
+    read = _reader_of(dialect.reading.family)
+    if read is None:
         raise InputError(f"{reading.name}: {name} is a list of a session's moves; give the targets as a table (csv)")
     if dialect.max_joints < n:
         raise InputError(f"{reading.name}: {name} has words for {dialect.max_joints} axes, the robot has {n}")
+    if dialect.pulses and not reading.pulses_per_deg:
+        raise InputError(f"{reading.name}: {missing_pulses(reading.robot.title, name)}")
     reading.axes = dialect.axes[:n]
-    READERS[dialect.reading.family](text, dialect, reading)
+    read(text, dialect, reading)
 
 
 _SPELLED = str.maketrans({"µ": "u", "°": " deg", "…": "...", "−": "-"})
-_BEHIND = {  # the lines that must stay first
-    "krl": re.compile(r"\s*(&|;|(GLOBAL\s+)?DEF(DAT|FCT)?\b)", re.IGNORECASE),
-    "rapid": re.compile(r"\s*(!|%%%|VERSION:|LANGUAGE:|MODULE\b)", re.IGNORECASE),
-    "gcode": re.compile(r"\s*(%|;\$PATH|O\d+\s*(\(|$))", re.IGNORECASE),
-    "csv": re.compile(r"(?!)"),
-    "pdl2": re.compile(r"(?!)"),
-    "urscript": re.compile(r"\s*(#|def\b)"),
-    "fanuc": re.compile(r"(?!\s*\d*\s*:)"),
-}
 
 
 def add_head(
@@ -136,14 +133,15 @@ def add_head(
     Lines are as counted in the text that is returned; with nothing said and nothing left it is ``text`` itself.
     """
     style = _comment_style(dialect)
-    at, before = _place(text, _BEHIND[family_of(dialect)])
+    first = "(?!)" if dialect == TABLE else load_dialect(dialect).reading.before_head
+    at, before = _place(text, re.compile(first, re.IGNORECASE))
     shift, head = -1, [""] * 0
     while shift != len(head):  # the head's own length moves the lines
         shift = len(head)
         head = [
             f"{style.start}{row}{style.end}"
             for sentence in (*said, *([*_sentences(robot, corrected, left, before, shift)] * bool(left)))
-            for row in textwrap.wrap(plain_text(sentence.translate(_SPELLED), style), style.max_length)
+            for row in style.wrap(plain_text(sentence.translate(_SPELLED), style))
         ]
     if not head:
         return text
@@ -186,14 +184,15 @@ def _place(text: str, behind: re.Pattern[str]) -> tuple[int, int]:
     """Return where the head goes, and how many lines stand before it."""
     place = (1, 0) if text.startswith("\ufeff") else (0, 0)
     for line, start, said in Lines.of(text):
-        if not behind.match(said.lstrip("\ufeff")):
+        found = behind.match(said.lstrip("\ufeff"))
+        if not found:
             if said.strip():
                 break
             continue
         end = start + len(said)
         end += len(_LINE_END.match(text, end)[0])  # type: ignore[index]
         place = end, line
-        if re.match(r"\s*(MODULE|(GLOBAL\s+)?DEF(DAT|FCT)?)\b", said, re.IGNORECASE):
+        if found.groupdict().get("last"):
             break
     return place
 

@@ -1,14 +1,16 @@
-"""Files that are one program: the two halves of a KRL module, and the RAPID modules that share targets."""
+"""Files that are one program: halves and applications as the dialects say, and the RAPID modules that share targets."""
 
 import re
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 from planner.common.errors import InputError
 from planner.compensation.program_text import read_program
+from planner.programs.dialect import dialects, load_dialect
 from planner.programs.languages.statements import mask_comments
 
-HALVES = {".src": ".dat", ".dat": ".src"}
+TABLE = "csv"  # stands for a table of targets among the names of dialects
 _RAPID_SUFFIXES = (".mod", ".modx", ".sys", ".prg")
 _DATA = r"^[ \t]*+{}(?:TASK\s+)?(?:CONST|PERS|VAR)\s+(?:robtarget|jointtarget)\s+(\w+)"
 _DECLARED = re.compile(_DATA.format(r"(?:LOCAL\s+)?"), re.IGNORECASE | re.MULTILINE)
@@ -17,35 +19,55 @@ _SHARED = re.compile(_DATA.format(""), re.IGNORECASE | re.MULTILINE)  # seen by 
 _WORD = re.compile(r"[A-Za-z]\w*")
 
 
-def files_together(path: Path, family: str, text: str) -> dict[Path, str]:
+@cache
+def halves() -> dict[str, str]:
+    """Return the suffixes of files that are one program with one of the same name, each with the other's."""
+    pairs = (d.extensions for d in dialects() if d.files.together == "stem")
+    return {a: b for one, other in pairs for a, b in ((one, other), (other, one))}
+
+
+def are_one_program(language: str) -> bool:
+    """Tell whether files of a language say together what the program does, ``csv`` being none."""
+    return language != TABLE and load_dialect(language).files.together != ""
+
+
+def files_together(path: Path, language: str, text: str) -> dict[Path, str]:
     """Return the other files of the program that a file belongs to, in its folder, each with its text.
 
     Args:
         path: of the file.
-        family: of its language.
+        language: name of its dialect, or ``csv``.
         text: its content.
 
     Raises:
         InputError: it is not certain which files these are.
     """
-    if family == "krl":
-        return _other_half(path)
-    return _rapid_modules(path, text) if family == "rapid" else {}
+    dialect = None if language == TABLE else load_dialect(language)
+    if dialect is None or dialect.reading.family == "rapid":
+        return {} if dialect is None else _rapid_modules(path, text)
+    if dialect.files.together == "folder":
+        return {p: read_program(p)[0] for p in _beside(path) if p.suffix.lower() in dialect.extensions}
+    return _other_half(path) if dialect.files.together else {}
+
+
+def _beside(path: Path) -> list[Path]:
+    return [p for p in sorted(path.parent.iterdir()) if p.is_file() and not p.samefile(path)]
 
 
 def other_program_files(path: Path) -> list[Path]:
     """Return the other files of the program of a file whose suffix says its language; see :func:`files_together`."""
     suffix = path.suffix.lower()
-    family = "krl" if suffix in HALVES else "rapid" if suffix in _RAPID_SUFFIXES else ""
-    return list(files_together(path, family, read_program(path)[0])) if family else []
+    known = (d.name for d in dialects() if suffix in d.extensions and d.files.together)
+    language = "rapid" if suffix in _RAPID_SUFFIXES else next(known, TABLE)
+    return [] if language == TABLE else list(files_together(path, language, read_program(path)[0]))
 
 
 def _other_half(path: Path) -> dict[Path, str]:
     """Return the other half of a KRL module; a controller does not tell capitals from small letters."""
-    wanted = path.stem + HALVES.get(path.suffix.lower(), "")
+    wanted = path.stem + halves().get(path.suffix.lower(), "")
     beside = [p for p in sorted(path.parent.iterdir()) if p.name.casefold() == wanted.casefold() and p.is_file()]
     found = [p for p in beside if p.stem == path.stem] or beside
-    if path.suffix.lower() not in HALVES or not found:
+    if path.suffix.lower() not in halves() or not found:
         return {}
     if len(found) > 1:
         names = " and ".join(p.name for p in found)
@@ -112,7 +134,7 @@ def output_paths(output: Path, is_folder: bool, names: Sequence[str]) -> list[Pa
         return [output / name for name in names]
     first, paths = Path(names[0]), [output]
     for name in map(Path, names[1:]):
-        is_half = HALVES.get(first.suffix.lower()) == name.suffix.lower()
+        is_half = halves().get(first.suffix.lower()) == name.suffix.lower()
         if is_half and output.suffix.lower() != first.suffix.lower():
             raise InputError(
                 f"{output}: {first} and {name} are written together; name a folder, or a file that ends in "

@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 
 from planner.common.sequences import sobol_points
 from planner.common.units import DEG, Array
-from planner.compensation.arm_shapes import has_shape, shape_of
+from planner.compensation.arm_shapes import WrittenShape, has_shape, shape_of
 from planner.compensation.correction import ALL_TURNS, NominalFlange, solve_flange_ik
 from planner.compensation.few_axes import FULL_AXES, ToolGoal, solve_few_axes
 from planner.compensation.rotations import inverse
@@ -105,6 +105,7 @@ def _from_configuration(targets: list[Target], q: Array, problems: list[Note], s
         shapes[i] = shapes[follows[0]] if wanted is None and follows else wanted or 0
         poses.append(pose)
     found, ok = _search(flange_of(poses), shapes[rows], seeds)
+    _other_wrists(seeds, poses, found, ok)
     for i, pose, solution, good in zip(rows, poses, found, ok, strict=True):
         target = targets[i]
         before = targets[target.follows[0]].line if target.follows else None
@@ -118,6 +119,18 @@ def _from_configuration(targets: list[Target], q: Array, problems: list[Note], s
             if why:
                 problems.append((target.line, f"in {_shape_sentence(before)} {why}"))
     _agree(robot, targets, q, problems)
+
+
+def _other_wrists(seeds: SearchSeeds, poses: list[CartesianTarget], found: Array, ok: np.ndarray) -> None:
+    """Replace angles by those of another shape, where the words leave several and these are in none of their turns."""
+    for k, pose in enumerate(poses):
+        shapes = pose.configuration.shapes if isinstance(pose.configuration, WrittenShape) else ()
+        for shape in shapes[1:]:
+            if ok[k] and not _choose_turns(seeds.robot, pose, found[k], found[:0], None)[1]:
+                break
+            other, good = _search(flange_of([pose]), np.array([shape]), seeds)
+            if good[0]:
+                found[k], ok[k] = other[0], True
 
 
 def _agree(robot: Robot, targets: list[Target], q: Array, problems: list[Note]) -> None:

@@ -39,14 +39,35 @@ def to_abc(R: Array, near: Array) -> Array:
 
     At B = ±90° only A ∓ C is determined; there A stays as in ``near``.
     """
-    b = np.arctan2(-R[:, 2, 0], np.hypot(R[:, 2, 1], R[:, 2, 2]))
-    a, c = np.arctan2(R[:, 1, 0], R[:, 0, 0]), np.arctan2(R[:, 2, 1], R[:, 2, 2])
-    lost = np.cos(b) < 1e-7
+    return to_euler(R, near, "ZYX")
+
+
+def to_euler(R: Array, near: Array, sequence: str) -> Array:
+    """Return three angles (n, 3) [rad] of R (n, 3, 3), of both spellings and all turns the one nearest to ``near``.
+
+    ``sequence`` is as scipy's: ``ZYZ``, ``ZYX`` about axes that move along, ``xyz`` about fixed ones. Where the second
+    angle leaves only a sum or a difference of the others, the first stays as in ``near``.
+    """
+    if sequence.islower():
+        return to_euler(R, near[:, ::-1], sequence[::-1].upper())[:, ::-1]
+    i, j, k = ("XYZ".index(axis) for axis in sequence)
+    m = 3 - i - j  # the third axis, k itself unless the first one comes again
+    s = 1.0 if (j - i) % 3 == 1 else -1.0  # of an even or odd order i, j, m
+    if k == i:
+        a, c = np.arctan2(R[:, j, i], -s * R[:, m, i]), np.arctan2(R[:, i, j], s * R[:, i, m])
+        b = np.arctan2(np.hypot(R[:, i, j], R[:, i, m]), R[:, i, i])
+        lost = np.sin(b) < 1e-7
+    else:
+        a, c = np.arctan2(-s * R[:, j, k], R[:, k, k]), np.arctan2(-s * R[:, i, j], R[:, i, i])
+        b = np.arctan2(s * R[:, i, k], np.hypot(R[:, i, i], R[:, i, j]))
+        lost = np.cos(b) < 1e-7
     if lost.any():
-        turned = np.swapaxes(from_abc(np.column_stack([near[:, 0], b, np.zeros(len(b))])), 1, 2) @ R
+        turned = Rotation.from_euler(sequence[:2], np.column_stack([near[:, 0], b])).inv().as_matrix() @ R
         a = np.where(lost, near[:, 0], a)
-        c = np.where(lost, np.arctan2(turned[:, 2, 1], turned[:, 2, 2]), c)
-    first, second = np.column_stack([a, b, c]), np.column_stack([a + np.pi, np.pi - b, c + np.pi])
+        one, two = (k + 1) % 3, (k + 2) % 3
+        c = np.where(lost, np.arctan2(turned[:, two, one], turned[:, one, one]), c)
+    first = np.column_stack([a, b, c])
+    second = np.column_stack([a + np.pi, (0.0 if k == i else np.pi) - b, c + np.pi])
     both = np.stack([v + 2 * np.pi * np.round((near - v) / (2 * np.pi)) for v in (first, second)])
     best = np.abs(both - near).max(axis=2).argmin(axis=0)
     return np.asarray(both[best, np.arange(len(R))])

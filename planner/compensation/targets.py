@@ -61,7 +61,8 @@ class CartesianTarget:
 
     Attributes:
         T_BT: pose of the tool in its base, (4, 4) [m].
-        spelling: ``abc`` (Z-Y'-X" angles) or ``quaternion`` (scalar first).
+        spelling: ``abc`` (Z-Y'-X" angles), ``quaternion`` (scalar first), or the axes of three angles as scipy names
+            them (``ZYZ``; small letters: about fixed axes).
         words: orientation as written, 3 angles [rad] or 4 numbers; the corrected one is written nearest to it.
         T_WB, T_FT: base in the robot's own frame, tool in the flange, (4, 4) [m].
         configuration: which way to reach it, or None: then ``start`` or the target before says it.
@@ -150,6 +151,8 @@ class TargetReading:
         name: of the file.
         robot: the nominal robot.
         axes: names of the robot's joints in this language.
+        pulses_per_deg: of the controller's axes; none where it is not known.
+        p_MC: origin of the controller's base frame in the model's, (3,) [m].
         frames: tool and base that the person has named, for files that do not say them.
         companion: text of the other half of the module (KRL: ``.src`` and ``.dat``), or nothing.
         declared_together: names, in small letters, of targets in the other files that are corrected along with it.
@@ -164,6 +167,8 @@ class TargetReading:
     companion: str = ""
     declared_together: frozenset[str] = frozenset()
     axes: tuple[str, ...] = ()
+    pulses_per_deg: tuple[float, ...] = ()
+    p_MC: tuple[float, float, float] = (0.0, 0.0, 0.0)
     refused: list[Note] = field(default_factory=list)
     left: list[Note] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
@@ -210,6 +215,10 @@ class TargetReading:
     def add(self, target: Target, index: int | None = None) -> int:
         """Note a target, at the index that was reserved for it, and return the index."""
         index = self.reserve() if index is None else index
+        if target.pose is not None and any(self.p_MC):
+            T_WB = np.array(target.pose.T_WB)
+            T_WB[:3, 3] += self.p_MC
+            target = replace(target, pose=replace(target.pose, T_WB=read_only(T_WB)))
         if target.is_sensible:
             self._found[index] = target
         else:
@@ -220,23 +229,23 @@ class TargetReading:
         self, line: int, found: Sequence[PlacedNumber], index: int | None = None, tool: Array | str = ""
     ) -> int:
         """Note a joint target with its angles in degrees, and the tool of its moves where the file says one."""
-        return self.add_angles(line, found, DEG, DEG_DECIMALS, index, tool)
+        return self.add_angles(line, found, [DEG] * len(found), DEG_DECIMALS, index, tool)
 
     def add_angles(
         self,
         line: int,
         found: Sequence[PlacedNumber],
-        unit: float,
+        units: Sequence[float],
         decimals: int,
         index: int | None = None,
         tool: Array | str = "",
     ) -> int:
-        """Note a joint target with its angles in ``unit`` [rad]; ``tool``: of its moves (4, 4) [m], or why not known.
+        """Note a joint target with its angles in ``units`` [rad]; ``tool``: of its moves (4, 4) [m], or why not known.
 
         A tool without a length is none: programs of joint angles drive with the bare flange where nobody named a tool.
         """
-        slots = tuple(number.slot(unit, decimals) for number in found)
-        q = read_only(np.array([number.value for number in found]) * unit)
+        slots = tuple(number.slot(unit, decimals) for number, unit in zip(found, units, strict=True))
+        q = read_only(np.array([number.value for number in found]) * np.array(units))
         p_FM = None if isinstance(tool, str) or not tool[:3, 3].any() else read_only(tool[:3, 3])
         unknown = _NOT_HELD.match(tool) if isinstance(tool, str) else None
         return self.add(Target(line, slots, q=q, p_FM=p_FM, unknown_tool=unknown[1] if unknown else ""), index)

@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 
 from planner.common.errors import InputError
 from planner.common.schema import Coordinate, OneLine, PositiveFloat, StrictModel
-from planner.common.units import Array, from_deg, read_only, to_deg
+from planner.common.units import Array, from_deg, from_mm, read_only, to_deg
 
 BORDER_DECIMALS = 9  # of a degree kept at the border: sums of decimals as people write them have no more digits
 STROKE_ROUNDING = 1e-6  # [rad] by which an angle may stand over the end of a stroke
@@ -34,7 +34,8 @@ class ControllerTable(StrictModel):
     ``c[i] = sense[i] · q[i] + zero_deg[i]``, plus ``factor · c[other]`` for each ``[axis, other, factor]`` of
     ``coupling``, axes counted from 1; or ``same = true``. ``limit_deg`` and ``speed_deg_s`` are the controller's axes'.
     Where joints slide, the controller's axes are those that turn and behind them those that slide, as external axes;
-    ``zero_mm`` are the zeros of these, and ``limit_deg`` and ``speed_deg_s`` are not said.
+    ``zero_mm`` are the zeros of these, and ``limit_deg`` and ``speed_deg_s`` are not said. ``pulses_per_deg`` is for
+    languages that count in pulses. ``base_mm`` is the origin of the controller's base frame in the model's.
     """
 
     same: bool = False
@@ -44,6 +45,8 @@ class ControllerTable(StrictModel):
     coupling: tuple[tuple[int, int, Annotated[float, Field(ge=-MOST_FACTOR, le=MOST_FACTOR)]], ...] = ()
     limit_deg: tuple[tuple[Coordinate, Coordinate], ...] = ()
     speed_deg_s: tuple[PositiveFloat, ...] = ()
+    pulses_per_deg: tuple[PositiveFloat, ...] = ()
+    base_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     source: Annotated[OneLine, Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -73,6 +76,8 @@ class AxisConvention:
         lower, upper: strokes of the controller's axes, (N,) [rad]; infinite where none is known.
         speed: full speeds of the controller's axes, (N,) [rad/s].
         source: where this is known from.
+        pulses_per_deg: of each axis, for languages that count in pulses; none where it is not known.
+        p_MC: origin of the controller's base frame in the model's, whose directions it has, (3,) [m].
     """
 
     controller: str
@@ -82,6 +87,8 @@ class AxisConvention:
     upper: Array
     speed: Array
     source: str = ""
+    pulses_per_deg: tuple[float, ...] = ()
+    p_MC: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @classmethod
     def model_convention(
@@ -233,6 +240,7 @@ def convention_from_table(where: str, controller: str, table: ControllerTable, j
     lower, upper = (
         (from_deg(side) for side in zip(*table.limit_deg, strict=True)) if table.limit_deg else (seen.lower, seen.upper)
     )
+    x, y, z = from_mm(table.base_mm).tolist()
     found = AxisConvention(
         controller=controller,
         matrix=read_only(matrix),
@@ -241,6 +249,8 @@ def convention_from_table(where: str, controller: str, table: ControllerTable, j
         upper=read_only(upper),
         speed=read_only(from_deg(table.speed_deg_s)) if table.speed_deg_s else seen.speed,
         source=table.source,
+        pulses_per_deg=table.pulses_per_deg,
+        p_MC=(x, y, z),
     )
     _check_speeds(at, found, seen)
     if not found.is_coupled:
@@ -251,6 +261,7 @@ def convention_from_table(where: str, controller: str, table: ControllerTable, j
 def _check_counts(at: str, table: ControllerTable, n: int, slides: int) -> None:
     """Refuse lists that have not a value for each axis; ``slides`` of the n joints slide."""
     most = {"sense": n, "zero_deg": n - slides, "zero_mm": slides, "limit_deg": n, "speed_deg_s": n}
+    most["pulses_per_deg"] = n - slides
     for key, expected in most.items():
         count = len(getattr(table, key))
         if slides and count and key in ("limit_deg", "speed_deg_s"):

@@ -61,6 +61,7 @@ def in_controller_axes(program: Program, axes: AxisConvention, dialect: Dialect,
         acceleration_deg_s2=_accelerations(program, axes),
         instructions=tuple(_turn_instructions(program, axes, speed)),
         axes=axes,
+        pulses_per_deg=_pulses(program, axes, dialect),
         joint_units=_units_of(program, axes, dialect),
     )
     for number, q_deg in enumerate((turned.home_deg, *_places(turned))):
@@ -77,6 +78,26 @@ def in_controller_axes(program: Program, axes: AxisConvention, dialect: Dialect,
                 f"({axes.sentences(axis_names(dialect))[j]})"
             )
     return turned
+
+
+def _pulses(program: Program, axes: AxisConvention, dialect: Dialect) -> tuple[float, ...]:
+    """Return the pulses of a degree of each axis.
+
+    Raises:
+        InputError: the language counts in pulses, and the robot's file does not say how many are a degree.
+    """
+    if dialect.pulses and not axes.pulses_per_deg:
+        raise InputError(missing_pulses(program.robot, axes.controller))
+    return axes.pulses_per_deg
+
+
+def missing_pulses(robot: str, controller: str) -> str:
+    """Return the sentence about a robot's file that does not say how many pulses are a degree."""
+    return (
+        f"programs of {controller_words(controller)} count the axes in pulses, and the file of {robot} does not say "
+        f"how many are a degree: give pulses_per_deg of every axis under [controllers.{controller}] (one axis jogged by a "
+        "known angle, pulses read from the pendant)"
+    )
 
 
 def _units_of(program: Program, axes: AxisConvention, dialect: Dialect) -> tuple[str, ...]:
@@ -106,7 +127,7 @@ def _accelerations(program: Program, axes: AxisConvention) -> tuple[float, ...]:
     return tuple(axes.largest(np.array(limits)).tolist()) if limits else ()
 
 
-def check_model_angles(program: Program, axes: AxisConvention, found: ReadBack, decimals: int) -> None:
+def check_model_angles(program: Program, axes: AxisConvention, found: ReadBack, dialect: Dialect) -> None:
     """Hold the angles that a controller reads against the program in the model's angles.
 
     Raises:
@@ -114,7 +135,7 @@ def check_model_angles(program: Program, axes: AxisConvention, found: ReadBack, 
     """
     planned = np.array([m.q_deg for m in program.moves])
     read = np.array([axes.degrees_to_model(row) for row in found.joint_path_deg.tolist()])
-    room = 0.5 * 10.0**-decimals * np.abs(axes.inverse).sum(axis=1) + 1e-6
+    room = (np.abs(axes.inverse) * dialect.resolution_deg(axes.pulses_per_deg)).sum(axis=1) + 1e-6
     off = np.abs(read - planned) - room
     if off.max() > 0.0:
         move, j = np.unravel_index(int(off.argmax()), off.shape)

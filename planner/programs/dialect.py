@@ -1,9 +1,10 @@
 """A controller's dialect as data: a folder ``g-code/<name>`` with two files; Python only for a language that is new.
 
 ``dialect.toml``
-    What the controller takes: names and number of its axes (``angles``: whether they are the ``controller``'s,
-    which the robot's file describes, or the ``model``'s; ``slides_from``: the first that may be one that slides, as
-    external axes are), decimals, line ends and limits (``part_lines`` of a
+    What the controller takes: ``language``, as lists call it and its like; names and number of its axes (``angles``:
+    whether they are the ``controller``'s, which the robot's file describes, or the ``model``'s; ``pulses``: whether
+    programs count the axes in pulses, of which the robot's file says how many are a degree; ``slides_from``: the first
+    that may be one that slides, as external axes are), decimals, line ends and limits (``part_lines`` of a
     file, ``max_lines`` where a program has no parts, ``block_ms`` to prepare a block), comment, blending (``none``,
     ``mm``, ``percent`` of half the leg, ``path_degrees``, or ``dense``: only small steps run on), the kind and word
     of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``, ``leading_axis`` that turns furthest,
@@ -22,22 +23,25 @@
     ``remarks`` what the head of the program tells the operator. An undefined name is an error.
 
 To add one: copy the nearest folder, change both files, run ``tests/programs``, which takes every folder that is there.
-``docs/extend/dialect.md`` says which tables a new folder, and a new language, are entered in.
+``docs/extend/dialect.md`` says what a new language needs.
 """
 
 import re
 import string
+import textwrap
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import AfterValidator, Field, PrivateAttr
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
 from planner.common.schema import StrictModel, read_toml
+from planner.common.units import Array
 from planner.programs.motion_styles import BlendStyle, CircleStyle, OverrideStyle, Pattern, SpeedStyle
 
 
@@ -54,12 +58,15 @@ class FileNaming(StrictModel):
     """Names of the files, ``{name}`` being the program's own, or the part's.
 
     ``cut``: a language that cannot wait for the operator has a file for each stretch between two pauses.
+    ``together``: which files of the language are one program that is corrected as a whole: those of one ``stem``, or
+    all in one ``folder``.
     """
 
     main: FileName
     cut: Literal["", "pause"] = ""
     part: FileName | None = None
     data: FileName | None = None
+    together: Literal["", "stem", "folder"] = ""
 
 
 class NameRule(StrictModel):
@@ -72,12 +79,22 @@ class NameRule(StrictModel):
 
 
 class CommentStyle(StrictModel):
-    """How a remark begins and ends, and which characters may not stand in it."""
+    """How a remark begins and ends, which characters may not stand in it, and how long a text may be.
+
+    A character ``apart`` may not stand twice in a row. ``width`` of a line is less where the controller takes short
+    remarks: a longer text is several of them.
+    """
 
     start: str = Field(min_length=1)
     end: str = ""
     forbid: str = ""
+    apart: str = ""
     max_length: int = Field(default=72, gt=8)
+    width: int = Field(default=1000, gt=8)
+
+    def wrap(self, text: str) -> list[str]:
+        """Return the lines of a text, each short enough for a remark of its own."""
+        return textwrap.wrap(text, min(self.width, self.max_length)) or [text]
 
 
 INSTEAD = {"(": ", ", ")": ", ", ";": ",", '"': "'"}  # in a comment, for what may not stand there
@@ -98,6 +115,8 @@ def plain_text(text: str, style: CommentStyle) -> str:
     gaps = [c for c, new in instead.items() if not new.strip(", ")]
     inner = ascii_text.strip("".join(gaps) + string.whitespace)  # no comma stands for what begins or ends the text
     kept = "".join(instead.get(c, c if c.isprintable() else " ") for c in inner)
+    for c in style.apart:
+        kept = re.sub(rf"{re.escape(c)}(?={re.escape(c)})", f"{c} ", kept)
     return " ".join(re.sub(r"\s*,(\s*,)*(?=\s|$)", ",", kept).split())
 
 
@@ -184,9 +203,12 @@ class CentringCall(StrictModel):
 
 
 class ReaderWords(StrictModel):
-    """What the independent reader looks for; it knows nothing of the template.
+    """What the readers look for; they know nothing of the template.
 
-    ``family`` names a language of :data:`planner.programs.verification.EXECUTIONS`; the rest are regular expressions
+    ``family`` names a reader of :mod:`planner.programs.languages`. By ``content`` a file is known whose suffix no
+    dialect has, and ``suffixes`` are further ones. Of a program of others, lines that match ``before_head`` stay
+    above the remark about its correction, none below one that matches its group ``last``; ``remark`` is how such a
+    remark is written where it is not as in the dialect's own programs. The rest are regular expressions
     that the G-code family needs, as its words differ from machine to machine. ``pulse_end`` ends a pulse, so that a
     dwell inside it is not taken for one of the program's; ``with_motion``: G words that may stand beside a move.
     ``passive`` is, for every family, the whole list of what a program may hold beside moves, speeds, dwells and the
@@ -195,6 +217,10 @@ class ReaderWords(StrictModel):
     """
 
     family: str
+    content: Pattern = ""
+    suffixes: tuple[str, ...] = ()
+    before_head: Pattern = "(?!)"
+    remark: CommentStyle | None = None
     motion: Pattern = ""
     dwell: Pattern = ""
     sync: Pattern = ""
@@ -233,6 +259,7 @@ class Dialect(StrictModel):
 
     schema_: Literal["edbb-dialect/1"] = Field(alias="schema")
     title: str
+    language: str = Field(min_length=1)
     files: FileNaming
     name_rule: NameRule = Field(alias="name")
     units: str
@@ -240,7 +267,8 @@ class Dialect(StrictModel):
     angles: Literal["controller", "model"] = "controller"
     min_joints: int = Field(default=1, ge=1)
     slides_from: int | None = Field(default=None, ge=1)
-    decimals: int = Field(ge=1, le=6)
+    decimals: int = Field(ge=0, le=6)
+    pulses: bool = False
     encoding: Literal["ascii", "utf-8", "latin-1"] = "ascii"
     line_ending: Literal["lf", "crlf"] = "lf"
     max_line: int = Field(ge=40)
@@ -292,6 +320,11 @@ class Dialect(StrictModel):
     def extensions(self) -> tuple[str, ...]:
         """Return the extensions of the dialect's files, with the dot."""
         return tuple(Path(name).suffix for name in (self.files.main, self.files.data) if name is not None)
+
+    def resolution_deg(self, pulses_per_deg: Sequence[float] = ()) -> Array:
+        """Return half of the last printed digit of each axis [deg], or of all; ``pulses_per_deg``: of the robot's."""
+        per_deg = np.array(pulses_per_deg) if self.pulses else np.ones(1)
+        return np.asarray(0.5 * 10.0**-self.decimals / per_deg)
 
     @property
     def wants_dense_path(self) -> bool:

@@ -174,6 +174,8 @@ class Program:
     """Unit of each axis, ``deg`` or ``mm``, where one slides: what is called degrees is millimetres of that."""
     acceleration_deg_s2: tuple[float, ...] = ()
     """Limit of each joint, for whom a program must say its ramps [deg/s²]; none where it is not known."""
+    pulses_per_deg: tuple[float, ...] = ()
+    """Of each axis of the controller, for languages that count in pulses; none where it is not known."""
     axes: AxisConvention | None = None
     """How the controller counts whose axes the angles are; ``None`` while they are the model's."""
     changed: str = ""

@@ -1,7 +1,6 @@
 """Puts the steps and the remarks for the operator through a dialect's template and cuts the result into files."""
 
 import re
-import textwrap
 from bisect import bisect_left
 from dataclasses import dataclass
 from functools import lru_cache
@@ -232,8 +231,7 @@ def _comment(context: Context, text: str) -> str:
 def _remarks(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...]) -> list[str]:
     """Return what the head of the program says, in lines that fit into comments."""
     said = (*program.cautions, *operator_cautions(program, dialect, steps), *explanations(program, dialect))
-    width = dialect.comment.max_length
-    return [line for text in said for line in textwrap.wrap(plain_text(text, dialect.comment), width)]
+    return [line for text in said for line in dialect.comment.wrap(plain_text(text, dialect.comment))]
 
 
 def _lines(module: TemplateModule, macro: str, *values: object) -> list[str]:

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from operator import mul
 from typing import Literal, assert_never
 
 import planner.programs.instructions as ins
@@ -304,8 +305,9 @@ class _StepBuilder:
         return tuple(format_fixed_point(v, 7) for v in si)  # decimals: 0.1 µrad or 0.1 µm
 
     def _words(self, q_deg: tuple[float, ...]) -> tuple[tuple[str, str], ...]:
+        counts = q_deg if not self.dialect.pulses else map(mul, q_deg, self.program.pulses_per_deg)
         return tuple(
-            zip(self.dialect.axes, (format_fixed_point(q, self.dialect.decimals) for q in q_deg), strict=False)
+            zip(self.dialect.axes, (format_fixed_point(q, self.dialect.decimals) for q in counts), strict=False)
         )
 
     def _circle_words(self, item: ins.JointMove) -> tuple[str, str]:

@@ -3,29 +3,24 @@
 import math
 import re
 from collections.abc import Iterator, Mapping
+from importlib import import_module
+from pkgutil import iter_modules
 
 import numpy as np
 
+import planner.programs.languages as languages
 from planner.common.errors import InputError, PlannerError, did_you_mean
+from planner.common.units import Array
 from planner.programs.dialect import Dialect, load_dialect
 from planner.programs.instructions import Centre, Dwell, JointMove, Program, StopKind, Sync
-from planner.programs.languages import fanuc, gcode, krl, listing, pdl2, rapid, timed_goals, urscript
 from planner.programs.languages.execution import Execution, ReadBack, ReadMove
 from planner.programs.motion_words import leading_speed
 from planner.programs.rendering import ProgramFile, operator_cautions, render_program
 from planner.programs.steps import lower_program
 
-EXECUTIONS: dict[str, type[Execution]] = {
-    "gcode": gcode.GcodeExecution,
-    "krl": krl.KrlExecution,
-    "rapid": rapid.RapidExecution,
-    "pdl2": pdl2.Pdl2Execution,
-    "urscript": urscript.UrScriptExecution,
-    "fanuc": fanuc.FanucExecution,
-    "list": listing.ListExecution,
-    "trajectory": timed_goals.TrajectoryExecution,
-    "frames": timed_goals.FramesExecution,
-}
+for _module in iter_modules(languages.__path__):
+    import_module(f"{languages.__name__}.{_module.name}")
+EXECUTIONS: Mapping[str, type[Execution]] = Execution.families
 """The reader of each family of languages, as ``[reading] family`` of a dialect names it."""
 
 
@@ -45,7 +40,11 @@ def reader_of(dialect: Dialect) -> type[Execution]:
 
 
 def read_texts(
-    dialect: Dialect, texts: tuple[str, ...], program: Program | None = None, only_known: bool = True
+    dialect: Dialect,
+    texts: tuple[str, ...],
+    program: Program | None = None,
+    only_known: bool = True,
+    pulses_per_deg: tuple[float, ...] = (),
 ) -> ReadBack:
     """Return the motion that the files ``texts`` make the robot do; the first file is the one that is started.
 
@@ -54,11 +53,13 @@ def read_texts(
         texts: of the files.
         program: what they were written for; only its own tool, base, load and signals are known then.
         only_known: refuse a statement that the reader does not know, instead of passing it over.
+        pulses_per_deg: of each axis, for a language that counts in pulses, where there is no program.
 
     Raises:
         InputError: a line that is not of the language, no plan_id, or two different ones; a family without a reader.
     """
     execution = reader_of(dialect)(dialect, program)
+    execution.pulses_per_deg = program.pulses_per_deg if program is not None else pulses_per_deg
     execution.run(texts)
     if only_known and execution.unknown:
         unknown = execution.unknown[0]
@@ -111,9 +112,10 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
         yield f"it has {n} moves of {axes} axes, planned are {n_planned} of {axes_planned}"
         return
     off = np.abs(found.joint_path_deg - planned)
-    if off.max() > _resolution(dialect):
-        move, axis = np.unravel_index(int(off.argmax()), off.shape)
-        yield f"move {move + 1} has axis {axis + 1} off by {off.max():.6f} {program.unit_of(int(axis))}"
+    over = off / _resolution(program, dialect)
+    if over.max() > 1.0:
+        move, axis = np.unravel_index(int(over.argmax()), off.shape)
+        yield f"move {move + 1} has axis {axis + 1} off by {off[move, axis]:.6f} {program.unit_of(int(axis))}"
     dwells = [i.seconds for i in program.instructions if isinstance(i, Dwell)]
     if len(dwells) != len(found.dwells_s) or not np.allclose(dwells, found.dwells_s, rtol=0.0, atol=1e-3):
         yield f"it dwells {len(found.dwells_s)} times, planned are {len(dwells)}, or the times differ"
@@ -191,13 +193,13 @@ def _other_circles(program: Program, dialect: Dialect, found: ReadBack) -> Itera
         yield f"{len(read)} of its moves are circles, planned are {len(planned)}, or they are others"
         return
     for k, via in planned.items():
-        if np.abs(np.subtract(via, read[k])).max() > _resolution(dialect):
+        if (np.abs(np.subtract(via, read[k])) > _resolution(program, dialect)).any():
             yield f"the circle of move {k + 1} leads through another point than planned"
 
 
-def _resolution(dialect: Dialect) -> float:
-    """Return by how much a printed angle may differ [deg]."""
-    return 0.5 * 10.0**-dialect.decimals * ROUNDING_RATIO + 1e-9
+def _resolution(program: Program, dialect: Dialect) -> Array:
+    """Return by how much a printed angle of each axis, or of all, may differ [deg]."""
+    return dialect.resolution_deg(program.pulses_per_deg) * ROUNDING_RATIO + 1e-9
 
 
 def _cut_mm(
@@ -227,7 +229,7 @@ def _wrong_starts(program: Program, dialect: Dialect, found: ReadBack) -> Iterat
         return
     for entry, (_, read) in zip(program.entries, found.entries, strict=True):
         planned, path_deg = np.array([m.q_deg for m in entry.moves]), np.array([m.angles_deg for m in read])
-        if path_deg.shape != planned.shape or np.abs(path_deg - planned).max() > 10.0**-dialect.decimals:
+        if path_deg.shape != planned.shape or (np.abs(path_deg - planned) > 2.0 * _resolution(program, dialect)).any():
             yield f"the path to start {entry.at} is another than planned"
             continue
         way = f"on the path to start {entry.at} move"

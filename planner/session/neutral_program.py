@@ -181,7 +181,7 @@ def write_session(cell: Cell, program: Program, dialect: str, stem: str) -> tupl
     axes = axis_convention(robot, language)
     program = replace(program, cautions=(*program.cautions, *jog_checks(cell, dialect)))
     files, found = write_and_read_back(in_controller_axes(program, axes, language, robot.speed), dialect, stem)
-    check_model_angles(program, axes, found, language.decimals)
+    check_model_angles(program, axes, found, language)
     check_emitted_speeds(cell, program, axes, language, found)
     return files
 

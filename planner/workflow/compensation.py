@@ -27,7 +27,7 @@ from planner.compensation.compensated_file import CompensatedFile
 from planner.compensation.compensated_program import compensate_program
 from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.few_axes import TurnWeights
-from planner.compensation.module_files import HALVES, output_paths
+from planner.compensation.module_files import halves, output_paths
 from planner.compensation.program_error import ProgramError, program_error, uncorrected_errors
 from planner.compensation.program_text import read_program
 from planner.compensation.rotations import frame, from_abc
@@ -150,7 +150,7 @@ class CompensationResult(Result):
             )
         step = self.file.step.format(file=names)
         renamed = [p for p, f in zip(paths, (self.file, *self.others), strict=True) if p.stem != Path(f.name).stem]
-        if self.others and renamed and paths[0].suffix.lower() in HALVES:
+        if self.others and renamed and paths[0].suffix.lower() in halves():
             step += f"; the controller wants both under the name of the module, {Path(self.file.name).stem}"
         return step
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.file import ControllerFile
-from planner.programs.dialect import dialects
+from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import (
     Comment,
     Dwell,
@@ -21,10 +21,11 @@ from planner.programs.instructions import (
     Sync,
     WaitInput,
 )
+from planner.programs.languages.declared import Position
+from planner.programs.verification import EXECUTIONS, write_program
 
 PLAN_ID = "0123456789ab"
-# languages of controllers that say a move with its angles in one line; the others have tests of their own
-BY_LINES = [d.name for d in dialects() if d.reading.family not in ("fanuc", "list", "trajectory", "frames")]
+PULSES = (1341.38, 1907.674, 1592.889, 1022.862, 980.239, 454.754, 1000.0, 500.0)  # a degree, of languages that count
 
 
 def angles(n_joints: int, n_poses: int, seed: int = 0) -> list[tuple[float, ...]]:
@@ -58,6 +59,7 @@ def _frame(n_joints: int, tour: list[Instruction]) -> Program:
         home,
         tuple([*start, *tour, *end]),
         ControllerFile(tool=1, base=0, load=2, sync_output=5, gauge_input=7),
+        pulses_per_deg=PULSES[:n_joints],
     )
 
 
@@ -149,3 +151,15 @@ def with_circle() -> Program:
         tour.append(JointMove(end, 9.0, 16.6, 100.0, 1.0 if k < 2 else 0.0, 7 if k == 1 else None, 150.0, via_deg=via))
         tour += [Sync(7), LogAxes(7)] if k == 1 else []
     return _frame(6, tour)
+
+
+def _says_moves_in_lines(name: str) -> bool:
+    """Whether a controller's program says a move and its angles in one statement, and not a position apart from it."""
+    dialect = load_dialect(name)
+    texts = tuple(f.text for f in write_program(static(), name, "a"))
+    statements = EXECUTIONS[dialect.reading.family](dialect).parse(texts)
+    said = any("-60.0000" in s.text for s in statements if not isinstance(s, Position))
+    return bool(dialect.override.knob) and said
+
+
+BY_LINES = [d.name for d in dialects() if _says_moves_in_lines(d.name)]

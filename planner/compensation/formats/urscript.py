@@ -119,4 +119,5 @@ def _add(
     elif max(abs(n.value) for n in numbers) > 4 * math.pi:
         reading.leave(statement.line, f"'{statement.text}' has angles of more than two turns: are these degrees?")
     else:
-        reading.add_angles(statement.line, numbers, 1.0, 7, tool=tool)  # decimals of an angle in rad at least
+        decimals = 7  # of an angle in rad at least
+        reading.add_angles(statement.line, numbers, [1.0] * len(numbers), decimals, tool=tool)

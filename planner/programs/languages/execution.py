@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -136,10 +137,17 @@ class Execution(ABC):
     """Runs a program's statements and notes moves, stops, dwells and pulses; one subclass a language.
 
     A subclass remembers what the controller does between statements, as far as it decides what a move does, and says
-    what reads the statements of a file.
+    what reads the statements of a file. Its ``family`` is the name by which dialects ask for it.
     """
 
+    families: ClassVar[dict[str, type["Execution"]]] = {}
+    pulses_per_deg: tuple[float, ...] = ()
     parse_file: Callable[[str], Iterable[Statement]]
+
+    def __init_subclass__(cls, family: str = "", **others: object) -> None:
+        super().__init_subclass__(**others)
+        if family:
+            Execution.families[family] = cls
 
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         self.dialect, self.program = dialect, program

@@ -92,7 +92,7 @@ def _other_statement(text: str, start: int, end: int, lines: st.Lines) -> Iterat
         yield TpAmongPositions(lines.number(row.start()), row.start(), row[0].strip())
 
 
-class FanucExecution(Execution):
+class FanucExecution(Execution, family="fanuc"):
     """Every move says its time and its end; the angles stand with the positions."""
 
     parse_file = staticmethod(parse)

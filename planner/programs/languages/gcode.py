@@ -69,7 +69,7 @@ def _words(code: str, start: int) -> tuple[tuple[str, PlacedNumber], ...] | None
     return None if code[at:].strip() else tuple(found)
 
 
-class GcodeExecution(Execution):
+class GcodeExecution(Execution, family="gcode"):
     """The modal state of an interpreter, as far as joint paths need it; its words come from ``[reading]``."""
 
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:

@@ -148,7 +148,7 @@ def _value(text: str) -> float:
 _WORDS, _CIRCLE_WORDS = ("$RED_VEL", "$APO.CPTP"), ("$APO.CDIS", "$VEL.CP")  # variables that say how a move is driven
 
 
-class KrlExecution(Execution):
+class KrlExecution(Execution, family="krl"):
     """The system variables that a PTP move takes its speed and its rounding from."""
 
     parse_file = staticmethod(parse)

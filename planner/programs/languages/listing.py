@@ -115,7 +115,7 @@ def _check_unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
     return dict(pairs)
 
 
-class ListExecution(Execution):
+class ListExecution(Execution, family="list"):
     """Every step says all of itself."""
 
     parse_file = staticmethod(parse)

@@ -96,7 +96,7 @@ def _move(code: str, line: int, start: int) -> Pdl2Move:
     return Pdl2Move(line, start, code.strip(), word, how, target, numbers if plain else None, match["rest"].strip())
 
 
-class Pdl2Execution(Execution):
+class Pdl2Execution(Execution, family="pdl2"):
     """Every move says its own speed and rounding (WITH); a circle's two places are variables that hold joint angles."""
 
     parse_file = staticmethod(parse)

@@ -113,7 +113,7 @@ def _arguments(text: str, start: int) -> Iterator[Argument]:
             at = k + 1
 
 
-class RapidExecution(Execution):
+class RapidExecution(Execution, family="rapid"):
     """Every MoveAbsJ says its own speed and zone; nothing is remembered."""
 
     parse_file = staticmethod(parse)

@@ -82,7 +82,7 @@ def parse_trajectory(text: str) -> Iterator[st.Statement]:
             yield (FileHead if place[2].startswith("joint_names:") else st.Statement)(*place)
 
 
-class TrajectoryExecution(TimedExecution):
+class TrajectoryExecution(TimedExecution, family="trajectory"):
     """A leg or a stay ends at every point."""
 
     parse_file = staticmethod(parse_trajectory)
@@ -201,7 +201,7 @@ def parse_frames(text: str) -> Iterator[st.Statement]:
             yield st.Statement(*place)
 
 
-class FramesExecution(TimedExecution):
+class FramesExecution(TimedExecution, family="frames"):
     """Legs and stays from the frames between their ends."""
 
     parse_file = staticmethod(parse_frames)

@@ -61,7 +61,7 @@ def _statement(place: tuple[int, int, str]) -> st.Statement:
     return st.Pulse(*place) if place[2] == "run edbb_mark()" else st.Statement(*place)
 
 
-class UrScriptExecution(Execution):
+class UrScriptExecution(Execution, family="urscript"):
     """Every movej says its own speed and radius; nothing is remembered."""
 
     parse_file = staticmethod(parse)
