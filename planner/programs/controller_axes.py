@@ -95,8 +95,8 @@ def missing_pulses(robot: str, controller: str) -> str:
     """Return the sentence about a robot's file that does not say how many pulses are a degree."""
     return (
         f"programs of {controller_words(controller)} count the axes in pulses, and the file of {robot} does not say "
-        f"how many are a degree: give pulses_per_deg of every axis under [controllers.{controller}] (one axis jogged by a "
-        "known angle, pulses read from the pendant)"
+        f"how many are a degree: give pulses_per_deg of every axis under [controllers.{controller}] (jog an axis by a "
+        "known angle, read the pulses from the pendant)"
     )
 
 

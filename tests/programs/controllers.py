@@ -35,63 +35,23 @@ class Language:
     statement: str = "\n"
 
 
-_NUMBER = r"(\d+(?:\.\d+)?)"
-_G = r"(?:N\d+ )?"
+@dataclass(frozen=True)
+class DialectFacts:
+    """What the maker's manuals say of one dialect.
 
-LANGUAGES: dict[str, Language] = {
-    # KUKA, system variables of the KSS: $OV_PRO is the override of the pendant; others are $OV_JOG, $OV_ROB, $OV_APPL
-    "krl": Language(
-        motion=r"(?:PTP|CIRC) .*",
-        circle="CIRC .*",
-        modal={rf"BAS ?\(#VEL_PTP,{_NUMBER} ?\)": 100.0, rf"\$RED_VEL={_NUMBER}": 100.0, rf"\$VEL\.CP={_NUMBER}": 2.0},
-        of_circle=((rf"\$VEL\.CP={_NUMBER}",), (rf"BAS ?\(#VEL_PTP,{_NUMBER} ?\)",)),
-        knob=r"\$OV_PRO ?= ?(?P<value>.*)",
-        forbidden=r"\$OV_(PRO|JOG|ROB|APPL)",
-    ),
-    # ABB, RAPID instructions: SpeedRefresh changes the speed override of the motion task; VelSet has one of its own
-    "rapid": Language(
-        motion=r"Move(?:AbsJ|C) .*?,\s*\[(?P<v>[\d.]+),.*",
-        modal={rf"VelSet {_NUMBER},.*": 100.0},
-        knob=r"SpeedRefresh (?P<value>.*)",
-        comment=r"![^\r\n]*",
-        forbidden="SpeedRefresh|SetSysData",
-        statement=";",
-    ),
-    # Comau, PDL2 predefined variables: $GEN_OVR is the general override of the pendant ($ARM_OVR, $ARM_SPD_OVR may
-    # be given for one move by WITH, an assignment stays); SYS_CALL 'SAG' sets the general override
-    "pdl2": Language(
-        motion=r"MOVE(?:FLY)?\b.*",
-        knob=r"\$GEN_OVR := (?P<value>.*)",
-        comment=r"--[^\r\n]*",
-        forbidden=r"\$GEN_OVR|\$ARM_(SPD_|ACC_|DEC_)?OVR(\[\d+\])? *:=|SYS_CALL",
-    ),
-    # FANUC, R-30iB basic operator's manual: OVERRIDE=...% ; system variables $MCR.$GENOVERRIDE, $MCR_GRP[].$PRGOVERRIDE
-    "fanuc": Language(
-        motion=r"\s*\d+:J P\[\d+\] (?:(?P<t>[\d.]+)sec|(?P<v>\d+)%).*",
-        knob=r"\s*\d+:\s*OVERRIDE=(?P<value>\d+)%",
-        comment=r"!.*",
-        forbidden=r"OVERRIDE|\$MCR|\$SCR",
-    ),
-    # Universal Robots: the slider is set by RTDE (speed_slider_fraction), or by 'set speed' at port 30003
-    "urscript": Language(
-        motion=r"move[jc]\(.*v=(?:d2r\()?(?P<v>[\d.]+).*",
-        knob=r".*speed_slider\w*\((?P<value>.*)\)",
-        comment=r"#[^\r\n]*",
-        forbidden=r"speed_slider|speed_fraction|set speed|socket_|rtde_",
-    ),
-    # LinuxCNC, M codes: M48, M49 both overrides on and off, M50 P0 feed override off, M52 adaptive feed, M53 feed stop;
-    # SINUMERIK, programming manual: OVR, OVRRAP, OVRA of the program, $AC_OVR, $AA_OVR of synchronized actions, G63 and
-    # G33 to G35, G331, G332 with the override off, machine data $MN_ $MC_ $MA_; DIN 66025: G63
-    "gcode": Language(
-        motion=rf"{_G}.*\bG(?:1|101)\b.*",
-        modal={rf".*\bF{_NUMBER}.*": 0.0},
-        knob=r".*\bOVR ?= ?(?P<value>.*)",
-        off=rf"{_G}(?:M49|M50 ?P0)\b.*",
-        on=rf"{_G}(?:M48|M50(?: ?P1)?)\b.*",
-        comment=r";[^\r\n]*|\([^)\r\n]*\)",
-        forbidden=r"\bM49\b|\bM50 ?P0|\bM5[1-3]\b|\bOVR|\$A[AC]_OVR|\bG(63|33|34|35|331|332)\b|\$M[NCA]_",
-    ),
-}
+    Attributes:
+        given_back: what a program may change, as the controller gives it back, or it is the program's own.
+        stop, wait: a line by which a program stops until a key is pressed, or waits for input 7; none in a list.
+        shown: what the pendant, or the line above the stop, says at the third pose.
+    """
+
+    given_back: str = ""
+    stop: str = ""
+    wait: str = ""
+    shown: str = ""
+
+
+NUMBER = r"(\d+(?:\.\d+)?)"
 
 
 @dataclass

@@ -9,6 +9,7 @@ import tests.programs.sessions as sessions
 from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.languages.statements import MotionStatement, Waiting
 from planner.programs.verification import EXECUTIONS, write_program
+from tests.programs.languages import dialect_facts
 from tests.programs.test_linuxcnc import RS274, _canonical
 
 SESSIONS = [sessions.static(), sessions.continuous(), sessions.mixed(), sessions.dense(), sessions.resumable()]
@@ -27,24 +28,13 @@ OWN = r"\w+_[0-9A-F]{12}(\[.*\])?(\.\w+)?|edbb_\w+"  # variables of the program,
 #   SINUMERIK, DIN 66025, B&R: G functions as the machine data say at every reset (MD20150 GCODE_RESET_VALUES)
 #   LinuxCNC has a test of its own; FANUC: every TP program selects its own frames and payload
 # The output of the cell marks poses and is off beside that; the operator's variable says where a session starts.
-GIVEN_BACK = {
-    "rapid": r"PLength|File|AccSet|GripLoad|SetDO|PulseDO|startAt|nPassed|passed\w+\{?.*|i",
-    "krl": r"BAS ?\(#(INITMOV|ACC_PTP|VEL_PTP|TOOL|BASE)|\$(ADVANCE|APO\.\w+|VEL\.CP|ORI_TYPE|CIRC_TYPE|TOOL|BASE|LOAD)"
-    r"|\$OUT\[5\]|PULSE|INTERRUPT \w+|DISTANCE|DELAY|PRIO|\$RED_VEL",
-    "pdl2": r"\$(MOVE_TYPE|TERM_TYPE|FLY_TYPE|ORNT_TYPE|SPD_OPT)|start_at|now|via|goal|angles\[\d\]|PULSE",
-    "sinumerik": r"G(40 G500 D0|90 G710|641 ADIS=.*|60|4 F.*)|ADIS|\$A_OUT\[5\]|\$AC_TIMER\[1\]|ID|M0|M30|R\[10\]",
-    "din66025": r"G(71 G90|40 G53 D0|4 F.*)|M0|M30|M80|M81",
-    "bnr": r"G(161|90|40|53|126 R.*|04 .*)|M0?0|M30|M100|M101",
-    "urscript": r"set_standard_digital_out|start_at|title|error|blocking",
-    "fanuc-tp": r"(UFRAME|UTOOL)_NUM|PAYLOAD|R\[99\]|DO\[5\]|DI\[7\]|COMMENT|PROTECT|DEFAULT_GROUP|CONTROL_CODE|J\d",
-}
 
 
 @pytest.mark.parametrize("name", [n for n in dialect_names() if n != "linuxcnc"])
 def test_nothing_is_changed_that_an_abort_leaves_changed(name: str) -> None:
     dialect = load_dialect(name)
     programs = [*SESSIONS, *([sessions.with_circle()] if dialect.circle else [])]
-    allowed = re.compile(f"{GIVEN_BACK.get(name, '')}|{OWN}", re.IGNORECASE)
+    allowed = re.compile(f"{dialect_facts(name).given_back}|{OWN}", re.IGNORECASE)
     moves = re.compile(rf"(^| )({dialect.reading.motion or 'no motion'})( |$)")
     for program in programs:
         texts = tuple(f.text for f in write_program(program, name, "a"))

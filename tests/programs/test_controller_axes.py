@@ -23,7 +23,11 @@ from tests.programs import sessions
 
 SENSE, ZERO = np.array([-1, 1, -1, 1, -1, 1]), np.array([10, -90, 0, 0, 45, 180])
 TURNED = ControllerTable(
-    sense=tuple(SENSE.tolist()), zero_deg=tuple(ZERO.tolist()), coupling=((3, 2, -1.0),), source="drawn for the test"
+    sense=tuple(SENSE.tolist()),
+    zero_deg=tuple(ZERO.tolist()),
+    coupling=((3, 2, -1.0),),
+    pulses_per_deg=sessions.PULSES[:6],
+    source="drawn for the test",
 )
 UNLIMITED = JointRange(np.full(6, -1e3), np.full(6, 1e3), np.deg2rad([100.0] * 6))
 
@@ -46,11 +50,12 @@ def test_every_language_says_the_angles_that_the_controller_shows(name, session)
     turned = in_controller_axes(program, axes, dialect, UNLIMITED.speed)
     files, found = write_and_read_back(turned, name, "a")
     wanted = np.array([as_the_pendant_shows(m.q_deg) for m in program.moves])
-    np.testing.assert_allclose(found.joint_path_deg, wanted, atol=0.51 * 10.0**-dialect.decimals)
+    printed = 1.02 * dialect.resolution_deg(sessions.PULSES[:6])
+    assert (np.abs(found.joint_path_deg - wanted) <= printed).all()
     for (_, moves), entry in zip(found.entries, program.entries, strict=False):
         ways = [as_the_pendant_shows(m.q_deg) for m in entry.moves]
-        np.testing.assert_allclose([m.angles_deg for m in moves], ways, atol=0.51 * 10.0**-dialect.decimals)
-    check_model_angles(program, axes, found, dialect.decimals)
+        assert (np.abs(np.subtract([m.angles_deg for m in moves], ways)) <= printed).all()
+    check_model_angles(program, axes, found, dialect)
     head = re.sub(r"\W+", "", re.sub(r"(?m)^ *\d+:", "", "".join(f.text for f in files)))
     names = axis_names(dialect)
     assert re.sub(r"\W+", "", f"{names[2]} = -q3 - q2 + 90 deg, {names[3]} = q4") in head
@@ -61,7 +66,7 @@ def test_a_program_of_other_axes_is_not_released():
     found = write_and_read_back(in_controller_axes(program, axes, dialect, UNLIMITED.speed), "pdl2", "a")[1]
     other = replace(axes, zero=axes.zero + np.deg2rad([0, 0, 0, 0, 0, 0.001]))
     with pytest.raises(ProgramMismatchError, match=r"move \d leads joint 6 to"):
-        check_model_angles(program, other, found, dialect.decimals)
+        check_model_angles(program, other, found, dialect)
 
 
 def test_a_leg_takes_its_time_by_the_controllers_own_full_speeds():

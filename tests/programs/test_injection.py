@@ -13,27 +13,11 @@ from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Comment, Pause, Program, WaitInput
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import EXECUTIONS, ProgramMismatchError, write_program
+from tests.programs.languages import facts_of
 from tests.programs.reading import read_back, verify
 
 NAMES = [d.name for d in dialects()]
-STATEMENTS = {
-    "gcode": ["G0 X999", "G2 X1 Y1 I5", "G1 X1", "M3 S5000", "G92 X0", "M62 P9", "#1=5", "CALL \"X\"", "G10 L2 P1 X5"],
-    "krl": ["$OUT[9]=TRUE", "ASYPTP {E1 5}", "LIN {X 5}", "BAS (#TOOL,-5 )", "$TOOL=$NULLFRAME", "OTHER ( )",
-            "IF TRUE THEN", "PULSE ($OUT[9],TRUE,1)", "$VEL.CP=3", "CWRITE(1,2)", "INTERRUPT ON 9", "DECL INT X=5"],
-    "rapid": ["SetDO do9, 1;", "Other;", "MoveL p1, v100, fine, tool0;", "tool1.tframe.trans.z := 5;", "IF TRUE THEN",
-              "PulseDO do9;", "GripLoad load9;", "VelSet 100, 5000;", "CONST num a := 5;"],
-    "pdl2": ["$DOUT[9] := TRUE", "other", "MOVE TO p1", "PULSE $DOUT[9] FOR 5", "$TOOL := t", "WAIT FOR $DIN[9]",
-             "CALL other"],
-    "urscript": ["set_standard_digital_out(1, True)", "other()", "movel(p[0, 0, 0, 0, 0, 0])", "movej([1, 2], v=1)",
-                 "if True:", "end", "def f():", "run other()", "stopj(2)", "set_payload(5)", "start_at = 3"],
-    "fanuc": ["DO[9]=ON", "CALL OTHER", "L P[1] 100mm/sec FINE",
-              "J P[1] 9sec CNT5 ACC150", "OVERRIDE=100%", "JMP LBL[1]",
-              "RUN OTHER", "P[1]{", "R[99]=5", "UTOOL_NUM=7", "WAIT DI[9]=ON", "/POS"],
-    "list": ["home,1,2", "move,,1,2,3", "pause,1,,,,,,,,,,",
-             "mark", '{"kind": "run"},', '{"kind": "dwell"},', "dwell,,5"],
-    "trajectory": ["joint_names: [a]", "- {positions: [0.0]}", "points: []", "header: {}", "velocity: 5", "---"],
-    "frames": ["0.0333,1.0,2.0,", "move", "timestamp,a.pos,event", "0.1,0.1,0.1,0.1,0.1,0.1,0.1,run", "1,2,3"],
-}  # fmt: skip
+STATEMENTS = {d.reading.family: facts_of(d.reading.family).REFUSED for d in dialects()}
 PIECES = st.one_of(
     st.sampled_from([s for found in STATEMENTS.values() for s in found]),
     st.sampled_from(

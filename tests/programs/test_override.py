@@ -10,11 +10,12 @@ import tests.programs.sessions as sessions
 from planner.programs.dialect import Dialect, dialect_names, dialects, load_dialect
 from planner.programs.instructions import Program
 from planner.programs.verification import ProgramMismatchError, write_program
-from tests.programs.controllers import LANGUAGES, run_program, statements_of
+from tests.programs.controllers import run_program, statements_of
+from tests.programs.languages import override_of
 from tests.programs.reading import verify
 from tests.programs.test_linuxcnc import RS274, _canonical
 
-DRIVEN = [d.name for d in dialects() if d.reading.family in LANGUAGES]
+DRIVEN = [d.name for d in dialects() if override_of(d.name)]
 SESSIONS = [sessions.static, sessions.continuous, sessions.mixed, sessions.dense, sessions.led_by_hand]
 
 
@@ -31,7 +32,8 @@ def _text(program: Program, name: str) -> str:
 def test_turned_down_at_any_statement_it_slows_all_that_follows(name: str) -> None:
     """From the statement on, every motion to the end has the share of the speed that the operator has asked for."""
     dialect = load_dialect(name)
-    language = LANGUAGES[dialect.reading.family]
+    language = override_of(name)
+    assert language is not None
     for number, program in enumerate(_programs(dialect)):
         text = _text(program, name)
         count = len(statements_of(language, text))
@@ -51,7 +53,7 @@ def test_turned_down_at_any_statement_it_slows_all_that_follows(name: str) -> No
 def test_no_program_reaches_for_the_override(name: str) -> None:
     """Neither a variable of the operator's override, nor a word that switches it off, stands in any program."""
     dialect = load_dialect(name)
-    language = LANGUAGES.get(dialect.reading.family)
+    language = override_of(name)
     if language is None:  # a list, a trajectory or frames: numbers alone, of a controller without an override
         assert not dialect.override.knob
         return
@@ -114,7 +116,8 @@ def test_a_program_that_reaches_for_it_is_not_released(name: str, line: str) -> 
     program = sessions.static()
     files = write_program(program, name, "a")
     text = files[0].text
-    language = LANGUAGES[load_dialect(name).reading.family]
+    language = override_of(name)
+    assert language is not None
     end = "\r\n" if "\r\n" in text else "\n"
     lines = text.split(end)
     motions = [k for k, x in enumerate(lines) if re.search(r"^(N\d+ )?.*\b(PTP|MoveAbsJ|MOVE|movej|G1|G101|J P)\b", x)]

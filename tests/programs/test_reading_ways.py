@@ -16,36 +16,11 @@ from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.instructions import Instruction, JointMove, LogAxes, Sync
 from planner.programs.verification import ProgramMismatchError, write_program
 from planner.session.neutral_program import _read_at_rest, write_session
+from tests.programs.languages import dialect_facts
 from tests.programs.reading import read_back, verify
 from tests.programs.test_krl import GRAMMAR
 
 POSES = 4
-STOPS_FOR_A_PERSON = {  # a line that stops until a key is pressed, by the manual of each language
-    "bnr": r"^M00$", "din66025": r"^N\d+ M0$", "fanuc-tp": r"^ *\d+:  PAUSE ;$", "krl": r"^HALT$", "linuxcnc": r"^M0$",
-    "pdl2": r"^ *PAUSE$", "poses-csv": r"^pause,", "poses-json": r'^\{"kind": "pause"', "rapid": r"^ *Stop;$",
-    "sinumerik": r"^N\d+ M0$", "urscript": r"^ *popup\(.*blocking=True\)$",
-}  # fmt: skip
-WAITS_FOR_AN_INPUT = {
-    "bnr": r"^M101$", "din66025": r"^N\d+ M81$", "fanuc-tp": r"WAIT DI\[7\]=ON", "krl": r"^WAIT FOR \$IN\[7\]$",
-    "linuxcnc": r"^M66 P7 L3", "pdl2": r"^ *WAIT FOR \$DIN\[7\]$", "poses-csv": r"^wait,",
-    "poses-json": r'^\{"kind": "wait"', "rapid": r"^ *WaitDI di7, 1;$",
-    "sinumerik": r"^N\d+ WHILE \$A_IN\[7\]==FALSE$", "urscript": r"^ *edbb_wait_ready\(\)$",
-}  # fmt: skip
-SHOWN = {  # what the pendant, or the line above the stop, says at the third pose
-    "bnr": "; pose 3 of 4: read the gauge, then press NC Start",
-    "din66025": "(pose 3 of 4: read the gauge, then press NC Start)",
-    "fanuc-tp": "MESSAGE[pose 3 of 4: read the]",
-    "krl": "; pose 3 of 4: read the gauge, then press Start",
-    "lerobot": "# FIRST: pose 3 of 4: read the gauge, then play this file",
-    "linuxcnc": "(MSG,pose 3 of 4: read the gauge, then press Cycle Start)",
-    "pdl2": "WRITE LUN_CRT('pose 3 of 4: read the gauge, then press START', NL)",
-    "poses-csv": '"pose 3 of 4: read the gauge, then go on"',
-    "poses-json": '"pose 3 of 4: read the gauge, then go on"',
-    "rapid": 'TPWrite "pose 3 of 4: read the gauge, then press Start";',
-    "ros2-trajectory": "# FIRST: pose 3 of 4: read the gauge, then publish this file",
-    "sinumerik": 'MSG("pose 3 of 4: read the gauge, then press NC Start")',
-    "urscript": 'popup("pose 3 of 4: read the gauge, then press Continue", title="edbb", blocking=True)',
-}
 IN_FILES = ("ros2-trajectory", "lerobot")  # a person plays one file after the other
 
 
@@ -89,8 +64,8 @@ def test_every_way_of_reading_is_written_and_read_back(name, way):
     if name in IN_FILES:
         assert len(files) == len(found.stops) + 1 == 3 + waits_for_person
         return
-    assert len(re.findall(STOPS_FOR_A_PERSON[name], text, re.MULTILINE)) == 2 + waits_for_person
-    assert len(re.findall(WAITS_FOR_AN_INPUT[name], text, re.MULTILINE)) == 1 + (POSES if way == "input" else 0)
+    assert len(re.findall(dialect_facts(name).stop, text, re.MULTILINE)) == 2 + waits_for_person
+    assert len(re.findall(dialect_facts(name).wait, text, re.MULTILINE)) == 1 + (POSES if way == "input" else 0)
     kind = {"hand": "pause", "input": "wait"}.get(way)
     at_poses = [(kind, 2 + k) for k in range(1, POSES + 1)] if kind else []
     assert list(found.stops) == [("pause", 2), ("wait", 2), *at_poses, ("pause", 3 + POSES)]
@@ -99,18 +74,18 @@ def test_every_way_of_reading_is_written_and_read_back(name, way):
 @pytest.mark.parametrize("name", dialect_names())
 def test_the_pendant_tells_the_pose(name):
     text = text_of(write_program(session("hand"), name, "s"))
-    assert SHOWN[name] in text
+    assert dialect_facts(name).shown in text
     for other in (1, 2, 4):
-        assert SHOWN[name].replace("pose 3", f"pose {other}") in text
+        assert dialect_facts(name).shown.replace("pose 3", f"pose {other}") in text
     assert "of 4: read" not in text_of(write_program(session("log"), name, "s"))
 
 
 @pytest.mark.parametrize("way", ["hand", "input"])
-@pytest.mark.parametrize("name", sorted(STOPS_FOR_A_PERSON))
+@pytest.mark.parametrize("name", [n for n in dialect_names() if dialect_facts(n).stop])
 def test_a_program_that_lacks_a_wait_is_not_released(name, way):
     program = session(way)
     files = write_program(program, name, "s")
-    word = {"hand": STOPS_FOR_A_PERSON, "input": WAITS_FOR_AN_INPUT}[way][name]
+    word = {"hand": dialect_facts(name).stop, "input": dialect_facts(name).wait}[way]
     lines = files[0].text.splitlines()
     at = [k for k, line in enumerate(lines) if re.search(word, line)][2]
     altered = [replace(files[0], text="\n".join(lines[:at] + lines[at + 1 :]) + "\n"), *files[1:]]
