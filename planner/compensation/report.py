@@ -192,6 +192,7 @@ def read_printed_angles(
     far_m, far_rad = np.full(len(q), np.inf), np.full(len(q), np.inf)
     far_m[known], far_rad[known] = flange_deviation(calibrated, angles[known], p[known], R[known])
     wrong = []
+    reach = sum(t.extent for t in robot.transforms if t.kind == "translation")
     for k, i in enumerate(rows):
         if not known[k]:
             wrong.append((k, f"read again, {said.get(printed[i].line, 'the pose is not reached')}"))
@@ -201,6 +202,11 @@ def read_printed_angles(
         if off[j] > JOINT_OFF:
             stands = " instead of ".join(robot.joint_text(j, q[k, j], ".3f") for q in (angles, q_new))
             wrong.append((k, f"read again, joint {j + 1} would stand at {stands}"))
-        elif max(far_m[k], far_rad[k]) > PLACE_OFF:
+        elif max(far_m[k] - reach * _rounding(printed[i]), far_rad[k] - _rounding(printed[i])) > PLACE_OFF:
             wrong.append((k, f"read again, {far_m[k] / UM:.1f} µm and {far_rad[k] * 1e6:.1f} µrad are left"))
     return angles, wrong
+
+
+def _rounding(target: Target) -> float:
+    """Return by how much the flange may turn from the rounding of a target's joint angles alone [rad]."""
+    return 0.0 if target.q is None else sum(0.5 * slot.unit * 10.0**-slot.decimals for slot in target.slots)

@@ -4,6 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+import tests.programs.sessions as sessions
+from planner.compensation.languages import corrected_dialects
+from planner.kinematics.axes import AxisConvention
 from planner.kinematics.chain import Chain
 from planner.kinematics.robot import Robot, elementary_placement
 from planner.kinematics.robot_reader import load_robot
@@ -67,3 +70,12 @@ def regular_angles(robot, n, seed=0, margin=0.05):
 
 def unlimited(robot):
     return replace(robot, q_lower=np.full(robot.n_joints, -7.0), q_upper=np.full(robot.n_joints, 7.0))
+
+
+def for_every_controller(robot):
+    """The robot, known to the controllers of all languages that are corrected: each counts as the model does."""
+    known = {c.controller for c in robot.conventions}
+    new = [d.name for d in corrected_dialects() if d.name not in known]
+    conventions = (AxisConvention.model_convention(n, robot.q_lower, robot.q_upper, robot.speed) for n in new)
+    pulses = sessions.PULSES[: robot.n_joints]
+    return replace(robot, conventions=(*robot.conventions, *(replace(c, pulses_per_deg=pulses) for c in conventions)))

@@ -9,12 +9,12 @@ import pytest
 from planner.common.errors import InputError
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.correction_mark import CorrectionMark
-from planner.compensation.languages import READERS
+from planner.compensation.languages import corrected_dialects
 from planner.compensation.targets import ToolAndBase
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.robot_reader import load_robot
 from planner.programs.controller_axes import in_controller_axes
-from planner.programs.dialect import dialect_names, load_dialect
+from planner.programs.dialect import load_dialect
 from planner.programs.verification import read_texts, write_and_read_back
 from tests.compensation.robots import BentRobot, bent, exact, pin_flange, regular_angles
 from tests.compensation.test_cartesian import krl, rapid
@@ -76,7 +76,7 @@ def test_a_pdl2_program_of_comaus_own_angles_is_corrected_and_not_made_worse(tmp
     np.testing.assert_allclose(done.q, q, atol=1e-6)  # what is said of errors is said of the model's joints
 
 
-@pytest.mark.parametrize("name", [d for d in dialect_names() if load_dialect(d).reading.family in READERS])
+@pytest.mark.parametrize("name", [d.name for d in corrected_dialects()])
 def test_every_language_is_corrected_in_axes_with_sense_zero_and_coupling(name, tmp_path):
     """Moves of all joints, written for such a controller; the corrected file is read back and turned by hand."""
     robot, real = bent("kuka-kr6-r700", seed=6)

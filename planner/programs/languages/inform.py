@@ -15,10 +15,6 @@ _MOTION = re.compile(r"(?:\+|[ESG])?(?:MOV[JLCS]|IMOV|REFP|MOVJS?)\b.*")
 _MOVE = re.compile(r"(?P<word>MOV[JLCS])\s+(?P<name>C\d+)(?P<rest>(?:\s.*)?)")
 _TAGS = re.compile(r"(?:\s+(?:(?:VJ|VR?|VE|PL|CR|ACC|DEC|FPT)=\S+|FPT|NWAIT|UNTIL\s.*))*\s*")
 _FLOW = re.compile(r"(?:\*\w+|(?:JUMP|IFTHEN\w*|ELSE\w*|ENDIF|FOR|NEXT|WHILE\w*|ENDWHILE|SWITCH|CASE|DEFAULT|RET)\b.*)")
-_HALF = 180.0
-_FLIP = ((-90.0, 90.0), (270.0, 360.0), (-360.0, -270.0))  # of the R axis, whatever the sign of the B axis
-_NO_FLIP = ((90.0, 270.0), (-270.0, -90.0))
-_FORM_AXES = (3, 5, 0)  # R, T and S, whose half turns the form counts
 
 
 def _shape(form: str) -> said.ArmShape | None:
@@ -26,10 +22,15 @@ def _shape(form: str) -> said.ArmShape | None:
     bits = [cell.strip() for cell in form.split(",")]
     if len(bits) < 6 or not set(bits[:6]) <= {"0", "1"}:
         return None
-    over = [((_HALF, 2 * _HALF), (-2 * _HALF, -_HALF)) if bit == "1" else ((-_HALF, _HALF),) for bit in bits[3:6]]
-    within = [(3, _NO_FLIP if bits[0] == "1" else _FLIP), *zip(_FORM_AXES[1:], over[1:], strict=True)]
-    flip = [(max(a, c), min(b, d)) for a, b in within[0][1] for c, d in over[0] if max(a, c) < min(b, d)]
-    return said.ArmShape(rear=bits[2] == "1", elbow_up=bits[1] == "0", within=((3, tuple(flip)), *within[1:]))
+    of_r, of_t, of_s = (
+        ((180.0, 360.0), (-360.0, -180.0)) if bit == "1" else ((-180.0, 180.0),) for bit in bits[3:6]
+    )  # [deg]
+    flip = ((-90.0, 90.0), (270.0, 360.0), (-360.0, -270.0))  # of the R axis, whatever the sign of the B axis [deg]
+    no_flip = ((90.0, 270.0), (-270.0, -90.0))
+    wrist = no_flip if bits[0] == "1" else flip
+    both = tuple((max(a, c), min(b, d)) for a, b in wrist for c, d in of_r if max(a, c) < min(b, d))
+    s, r, t = 0, 3, 5  # joints
+    return said.ArmShape(rear=bits[2] == "1", elbow_up=bits[1] == "0", within=((r, both), (t, of_t), (s, of_s)))
 
 
 def _position(place: tuple[int, int, str], found: re.Match[str], head: dict[str, str]) -> st.Statement:
