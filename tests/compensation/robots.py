@@ -11,6 +11,7 @@ from planner.kinematics.chain import Chain
 from planner.kinematics.robot import Robot, elementary_placement
 from planner.kinematics.robot_reader import load_robot
 from planner.motion.collision.engines import pin_model
+from planner.programs.dialect import load_dialect
 from tests.not_everywhere import pin
 
 
@@ -70,6 +71,12 @@ def regular_angles(robot, n, seed=0, margin=0.05):
 
 def unlimited(robot):
     return replace(robot, q_lower=np.full(robot.n_joints, -7.0), q_upper=np.full(robot.n_joints, 7.0))
+
+
+def half_pulse_deg(name, pulses_per_deg=sessions.PULSES[:6]):
+    """By how much rounding to pulses moves each axis [deg]; none in a dialect that writes degrees."""
+    dialect = load_dialect(name)
+    return dialect.resolution_deg(pulses_per_deg) if dialect.pulses else np.zeros(6)
 
 
 def for_every_controller(robot):

@@ -61,7 +61,8 @@ def _instruction(place: tuple[int, int, str]) -> st.Statement:
         return st.MotionStatement(*place, text.split()[0])
     if found := _FRAME.fullmatch(text):
         name = "" if found["name"].upper() == "NULL" else found["name"].lower()
-        return said.FrameChange(*place, **{found["kind"].lower(): name})
+        is_tool = found["kind"].upper() == "TOOL"
+        return said.FrameChange(*place, tool=name if is_tool else None, base=None if is_tool else name)
     if found := re.fullmatch(rf"(SPEED|ACCURACY)\s+({st.NUMBER})", text):
         value = float(found[2])
         speed, distance = (value, None) if found[1] == "SPEED" else (None, value)
