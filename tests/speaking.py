@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import tests.programs.sessions as sessions
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.robot import Robot
 from planner.programs.dialect import dialects
@@ -12,11 +13,9 @@ CONTROLLERS = [d.name for d in dialects() if d.angles == "controller"]
 def speaking_all(robot):
     """The robot with a convention for every language, that of the joints where its own file states none."""
     own = {c.controller for c in robot.conventions}
-    added = (
-        AxisConvention.model_convention(name, robot.q_lower, robot.q_upper, robot.speed, "drawn for a test")
-        for name in CONTROLLERS
-        if name not in own
-    )
+    plain = AxisConvention.model_convention("", robot.q_lower, robot.q_upper, robot.speed, "drawn for a test")
+    drawn = replace(plain, pulses_per_deg=sessions.PULSES[: robot.n_joints])
+    added = (replace(drawn, controller=name) for name in CONTROLLERS if name not in own)
     return replace(robot, conventions=(*robot.conventions, *added))
 
 

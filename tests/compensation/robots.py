@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import tests.programs.sessions as sessions
-from planner.compensation.languages import corrected_dialects
-from planner.kinematics.axes import AxisConvention
 from planner.kinematics.chain import Chain
 from planner.kinematics.robot import Robot, elementary_placement
 from planner.kinematics.robot_reader import load_robot
@@ -77,12 +75,3 @@ def half_pulse_deg(name, pulses_per_deg=sessions.PULSES[:6]):
     """By how much rounding to pulses moves each axis [deg]; none in a dialect that writes degrees."""
     dialect = load_dialect(name)
     return dialect.resolution_deg(pulses_per_deg) if dialect.pulses else np.zeros(6)
-
-
-def for_every_controller(robot):
-    """The robot, known to the controllers of all languages that are corrected: each counts as the model does."""
-    known = {c.controller for c in robot.conventions}
-    new = [d.name for d in corrected_dialects() if d.name not in known]
-    conventions = (AxisConvention.model_convention(n, robot.q_lower, robot.q_upper, robot.speed) for n in new)
-    pulses = sessions.PULSES[: robot.n_joints]
-    return replace(robot, conventions=(*robot.conventions, *(replace(c, pulses_per_deg=pulses) for c in conventions)))

@@ -75,8 +75,13 @@ def poses_in(text):
 
 
 def closes(robot, real, wanted, text, tolerance=1e-6):
-    for row, pose in zip(wanted, poses_in(text), strict=True):
-        T = matrix(BASE) @ matrix(pose) @ np.linalg.inv(matrix(TOOL))
+    poses = [matrix(BASE) @ matrix(pose) @ np.linalg.inv(matrix(TOOL)) for pose in poses_in(text)]
+    closes_at(robot, real, wanted, poses, tolerance)
+
+
+def closes_at(robot, real, wanted, flanges, tolerance=1e-6):
+    """A controller drives the flange of the nominal robot to the poses, and the real one stands as was wanted."""
+    for row, T in zip(wanted, flanges, strict=True):
         stands = pin_flange(real, controller(robot, T, row))
         assert np.abs(stands - pin_flange(exact(robot), row)).max() < tolerance
 

@@ -21,7 +21,7 @@ from planner.kinematics.robot_hash import robot_hash
 from planner.kinematics.robot_reader import load_robot
 from planner.programs.verification import write_program
 from tests.command import edbb
-from tests.compensation.robots import for_every_controller, half_pulse_deg, unlimited
+from tests.compensation.robots import half_pulse_deg, unlimited
 from tests.compensation.test_formats import CSV, NAMES, shifted
 from tests.compensation.test_partial import GOOD, krl
 from tests.programs.reading import read_back
@@ -33,7 +33,7 @@ KRL_DAT = "DEFDAT P PUBLIC\r\nDECL E6AXIS X1={A1 10,A2 -80,A3 100,A4 20,A5 40,A6
 
 @pytest.fixture(scope="module")
 def robot():
-    return for_every_controller(unlimited(load_robot("kuka-kr6-r700")))
+    return unlimited(load_robot("kuka-kr6-r700"))
 
 
 def file_of(folder, name):

@@ -17,7 +17,6 @@ from tests.compensation.robots import (
     BentRobot,
     bent,
     exact,
-    for_every_controller,
     half_pulse_deg,
     regular_angles,
     unlimited,
@@ -40,7 +39,7 @@ def shifted(robot, joint=3, angle=HALF):
 
 @pytest.fixture(scope="module")
 def robot():
-    return for_every_controller(unlimited(load_robot("kuka-kr6-r700")))
+    return unlimited(load_robot("kuka-kr6-r700"))
 
 
 def programs(folder, name):

@@ -43,6 +43,8 @@ class _DeclaredReader:
         names = "|".join(map(re.escape, sorted(self.positions, key=len, reverse=True)))
         rows = "|".join(sorted({re.escape(n.partition("[")[0]) for n in self.positions}, key=len, reverse=True))
         self.named = re.compile(rf"(?<![\w#$.])(?:{names or '(?!)'}|{rows or '(?!)'})(?![\w.])")
+        others = (s for s in both if not isinstance(s, (said.Position, said.Frame, said.FrameChange, said.Move)))
+        self.written = {found[0] for s in others for found in self.named.finditer(s.text)}  # or read, nobody knows
 
     def read(self) -> None:
         """Note what is corrected and what is left."""
@@ -106,20 +108,23 @@ class _DeclaredReader:
 
     def _frames(self, move: said.Move, position: said.Position | None) -> pt.FramePair:
         """Return tool and base of a move, or why they are not known."""
-        tool = move.tool if move.tool is not None else (position.tool if position and position.tool else self.tool)
-        base = position.base if position is not None and position.base else (self.base or "")
+        tools = (move.tool, position.tool if position else None, self.tool)
+        tool = next((name for name in tools if name is not None), None)
+        base = self.base if position is None or position.base is None else position.base
         given = self.reading.frames
         return self._frame("tool", tool, given.T_FT), self._frame("base", base, given.T_WB)
 
     def _frame(self, kind: str, name: str | None, given: Array | None) -> pt.Frame:
-        found = self.known.get(name or "")
+        found = self.known.get(name or "") or self.positions.get(name or "")
         if found is not None:
-            return self._matrix(found.numbers) if found.numbers else f"{kind} {name} {found.why_not}"
-        if given is not None and (kind == "tool" or name):
+            numbers = found.numbers if isinstance(found, said.Frame) else found.pose
+            why_not = found.why_not or ("may be written by the program" if name in self.written else "is no pose")
+            return f"{kind} {name} {why_not}" if not numbers or name in self.written else self._matrix(numbers)
+        if name == "":
+            return read_only(np.eye(4))
+        if given is not None:
             return given
-        if name is None:
-            return f"the file does not say the {kind} (--{kind})"
-        return f"{kind} {name} {tg.NOT_HELD}: name it (--{kind})" if name else read_only(np.eye(4))
+        return f"the file does not say the {kind} (--{kind})" if name is None else f"{name} {tg.NOT_HELD} (--{kind})"
 
     def _matrix(self, numbers: Sequence[st.PlacedNumber]) -> Array:
         values = np.array([n.value for n in numbers])

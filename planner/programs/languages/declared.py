@@ -47,7 +47,7 @@ class Position(st.Statement):
         joints: its angles [deg], or pulses, in the order of the axes; none of a pose.
         pose: place [mm] and three angles [deg] of the tool; none of joint angles.
         shape: of the arm at a pose; None where it stays as it is at the target before.
-        tool, base: the frames that stand with the position; empty where the moves or nobody says them.
+        tool, base: the frames that stand with the position, as in :class:`FrameChange`; None where it says none.
         why_not: why the numbers are not certain.
     """
 
@@ -55,8 +55,8 @@ class Position(st.Statement):
     joints: tuple[st.PlacedNumber, ...] = ()
     pose: tuple[st.PlacedNumber, ...] = ()
     shape: ArmShape | None = None
-    tool: str = ""
-    base: str = ""
+    tool: str | None = None
+    base: str | None = None
     why_not: str = ""
 
 

@@ -1,7 +1,8 @@
 """Yaskawa INFORM, a job as text (.JBI): taught positions under ``//POS``, instructions under ``//INST``.
 
 Sources: NX100 and DX100 "Interface with an Easy Offline Teaching System" (job data format, RCONF), NX100 operator's
-manual 3.9 (manipulator types), FS100 INFORM manual. Rx, Ry, Rz turn about fixed axes, R = Rz(Rz) Ry(Ry) Rx(Rx).
+manual 3.9 (manipulator types), FS100 INFORM manual. The angles turn "in the order of Rz, Ry and Rx" (DX100, 4.3.1.1):
+R = Rz(Rz) Ry(Ry) Rx(Rx). Flip is said of the R axis (NX100, 3.9): -90 to 90 deg, 270 to 360, -360 to -270.
 """
 
 import re
@@ -40,7 +41,7 @@ def _position(place: tuple[int, int, str], found: re.Match[str], head: dict[str,
     why = "is a variable of the controller, which other jobs may write" if name.startswith("P") else ""
     start = place[1] + found.start("numbers")
     numbers = said.numbers_in(found["numbers"], start, found["numbers"].count(",") + 1)
-    tool = f"TOOL {head.get('TOOL', '0')}"
+    tool = f"TOOL {head['TOOL']}" if "TOOL" in head else None
     if not numbers:
         return said.Position(*place, name, why_not="has no plain numbers")
     if kind == "PULSE":
@@ -49,7 +50,7 @@ def _position(place: tuple[int, int, str], found: re.Match[str], head: dict[str,
     shape = _shape(head.get("RCONF", ""))
     if base is None or shape is None or len(numbers) != 6:
         why = f"is of the position type {kind or 'that is not said'}, or says no form (RCONF)"
-    return said.Position(*place, name, pose=numbers[:6], shape=shape, tool=tool, base=base or "", why_not=why)
+    return said.Position(*place, name, pose=numbers[:6], shape=shape, tool=tool, base=base, why_not=why)
 
 
 def _move(place: tuple[int, int, str], found: re.Match[str]) -> said.Move:

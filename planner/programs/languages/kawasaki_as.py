@@ -1,7 +1,9 @@
 """Kawasaki AS: programs between ``.PROGRAM`` and ``.END``, positions in the blocks ``.JOINTS`` and ``.TRANS``.
 
 Sources: AS language reference manual (D controller, 902091017DEB); files as SAVE writes them, such as those of the
-public repository nguyen1024/rs005la. O, A, T are Euler angles, R = Rz(O) Ry(A) Rz(T).
+public repository nguyen1024/rs005la. O, A, T are Euler angles, R = Rz(O) Ry(A) Rz(T) (Roboception, rc_visard manual,
+"Kawasaki XYZ-OAT format"). A pose says no shape of the arm: it stays, until RIGHTY, LEFTY, ABOVE, BELOW, UWRIST or
+DWRIST changes it.
 """
 
 import re
@@ -21,7 +23,9 @@ _MOTION = re.compile(
     r"(?:\w*MOVE|\w*APPRO|\w*DEPART|DRAW|TDRAW|DRIVE|HOME2?|ALIGN|JOINT|LINEAR|CIR[12])\b(?!\s*=).*", re.IGNORECASE
 )
 _FLOW = re.compile(
-    r"(?:IF|ELSE|END|FOR|WHILE|DO|UNTIL|CASE|VALUE|ANY|SVALUE|GOTO|RETURN\w*|ONI?)\b(?!\s*=).*", re.IGNORECASE
+    r"(?:IF|ELSE|END|FOR|WHILE|DO|UNTIL|CASE|VALUE|ANY|SVALUE|GOTO|RETURN\w*|ONI?"
+    r"|RIGHTY|LEFTY|ABOVE|BELOW|UWRIST|DWRIST)\b(?!\s*=).*",
+    re.IGNORECASE,
 )
 _FRAME = re.compile(rf"(?P<kind>TOOL|BASE)\s+(?P<name>NULL|{_NAME})", re.IGNORECASE)
 
@@ -32,7 +36,7 @@ def _entry(place: tuple[int, int, str], block: str) -> st.Statement:
     if found is None or block not in ("JOINTS", "TRANS"):
         return st.Statement(*place)
     cells, start = found["numbers"], place[1] + found.start("numbers")
-    numbers = said.numbers_in(cells, start, len(cells.split()))
+    numbers = said.numbers_in(cells, start, len(re.findall(r"[^\s,]+", cells)))
     why = "" if numbers else "has no plain numbers"
     if block == "JOINTS":
         return said.Position(*place, found["name"].lower(), joints=numbers, why_not=why)

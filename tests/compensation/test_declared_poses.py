@@ -1,0 +1,211 @@
+"""Poses of INFORM and AS, written by the makers' definitions alone: scipy's rotations, places of pinocchio."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from planner.common.errors import InputError
+from planner.compensation.compensated_file import compensate_file
+from planner.compensation.rotations import to_euler
+from planner.compensation.targets import ToolAndBase
+from planner.kinematics.robot import elementary_placement
+from tests.compensation.robots import bent, exact, pin_flange, regular_angles
+from tests.compensation.test_cartesian import BASE, TOOL, closes_at, matrix, wrist_of
+from tests.not_everywhere import pin
+from tests.speaking import speaking_all
+
+AXES = {"ZYX": "ZYX", "ZYZ": "ZYZ", "xyz": "xyz", "XYZ": "XYZ", "ZXZ": "ZXZ"}
+BASE_MM = (0.0, 0.0, 400.0)  # origin of the maker's base frame in the model's, as Yaskawa's lies at axis 2
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_three_angles_say_the_same_turn_as_scipy_and_stay_near(axes):
+    rng = np.random.default_rng(3)
+    angles = rng.uniform(-3.0, 3.0, (200, 3))
+    special = 0.0 if axes[0] == axes[2] else np.pi / 2
+    angles[:20, 1] = special
+    R = Rotation.from_euler(axes, angles).as_matrix()
+    found = to_euler(R, angles + rng.normal(0.0, 1e-3, angles.shape), axes)
+    np.testing.assert_allclose(Rotation.from_euler(axes, found).as_matrix(), R, atol=1e-12)
+    np.testing.assert_allclose(found[20:], angles[20:], atol=1e-9)
+    assert np.abs(found - angles).max() < 0.1  # where only a sum is determined, near is enough
+
+
+@pytest.fixture(scope="module")
+def kuka():
+    robot, _ = bent("kuka-kr6-r700", seed=4)
+    robot = speaking_all(robot)
+    conventions = tuple(replace(c, p_MC=tuple(1e-3 * v for v in BASE_MM)) for c in robot.conventions)
+    robot = replace(robot, conventions=conventions)
+    return robot, replace(bent("kuka-kr6-r700", seed=4)[1], robot=robot)
+
+
+def in_base(robot, row, tool, base):
+    """The tool in its base, which stands in the maker's base frame."""
+    shift = np.eye(4)
+    shift[:3, 3] = np.array(BASE_MM) * 1e-3
+    return np.linalg.inv(shift @ base) @ pin_flange(exact(robot), row) @ tool
+
+
+def elbow_is_up(robot, q):
+    """The elbow above the line from axis 2 to the wrist, by places in the plane of the arm."""
+    T, places = pin.SE3.Identity(), {}
+    for t in robot.transforms:
+        theta = 0.0 if t.joint is None else robot.theta(q[None])[0][t.joint]
+        T = T * pin.SE3(elementary_placement(t, t.nominal + theta))
+        if t.joint is not None:
+            places[t.joint] = T.translation.copy()
+    to_wrist, to_elbow = wrist_of(robot, q) - places[1], places[2] - places[1]
+    ahead = np.array([np.cos(-q[0]), np.sin(-q[0]), 0.0])  # KUKA's axis 1 turns the other way round
+    w, e = ((v @ ahead, v[2]) for v in (to_wrist, to_elbow))
+    return w[0] * e[1] - w[1] * e[0] > 0.0
+
+
+def is_rear(robot, q):
+    wrist = wrist_of(robot, q)
+    return np.cos(-q[0]) * wrist[0] + np.sin(-q[0]) * wrist[1] < 0.0
+
+
+def inform(robot, q, postype="USER"):
+    """A job by the DX100 manual: RCONF is 0 flip, 0 upper, 0 front, 0 R, T, S under 180 deg."""
+    base = matrix(BASE) if postype == "USER" else np.eye(4)
+    head = ["/JOB", "//NAME PART", "//POS", f"///NPOS {len(q)},0,0,0,0,0", "///USER 2", "///TOOL 3"]
+    lines = [*head, f"///POSTYPE {postype}", "///RECTAN"]
+    for k, row in enumerate(q):
+        flip, turned = np.cos(row[3]) > 0.0, np.abs(row[[3, 5, 0]]) > np.pi
+        form = [int(not flip), int(not elbow_is_up(robot, row)), int(is_rear(robot, row)), *turned.astype(int)]
+        T = in_base(robot, row, matrix(TOOL), base)
+        pose = [*T[:3, 3] * 1e3, *Rotation.from_matrix(T[:3, :3]).as_euler("xyz", degrees=True)]
+        lines += [f"///RCONF {','.join(map(str, form))}", f"C{k:05d}={','.join(f'{v:.9f}' for v in pose)}"]
+    lines += ["//INST", "///DATE 2020/01/01 00:00", "///ATTR SC,RW", "///GROUP1 RB1", "NOP"]
+    return "\r\n".join([*lines, *(f"MOVJ C{k:05d} VJ=10.00" for k in range(len(q))), "END", ""])
+
+
+def inform_poses(text):
+    rows = [[float(v) for v in row.split(",")] for row in re.findall(r"^C\d+=(.*?)\r?$", text, re.MULTILINE)]
+    return [pose_of(row, "xyz") for row in rows]
+
+
+def pose_of(row, axes):
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = Rotation.from_euler(axes, row[3:], degrees=True).as_matrix(), np.array(row[:3]) * 1e-3
+    return T
+
+
+FRAMES = ToolAndBase(matrix(TOOL), matrix(BASE))
+
+
+@pytest.mark.parametrize("postype", ["USER", "ROBOT"])
+def test_a_job_of_poses_is_corrected_as_its_axes_are(postype, kuka, tmp_path):
+    robot, real = kuka
+    q = np.array([row for row in regular_angles(robot, 60, seed=5) if not is_rear(robot, row)])
+    assert len({(elbow_is_up(robot, row), np.cos(row[3]) > 0.0) for row in q}) == 4
+    assert (np.abs(q[:, 3]) > np.pi - 0.3).any()
+    path = tmp_path / "PART.JBI"
+    path.write_text(inform(robot, q, postype), newline="")
+    done = compensate_file(path, robot, real, frames=FRAMES)
+    assert done.report.poses == len(q)
+    np.testing.assert_allclose(done.q, q, atol=1e-7)
+    base = matrix(BASE) if postype == "USER" else np.eye(4)
+    closes(robot, real, q, inform_poses(done.text), base)
+    assert re.findall(r"RCONF [\d,]+", done.text) == re.findall(r"RCONF [\d,]+", path.read_text())
+
+
+def closes(robot, real, q, poses, base):
+    """The controller, a general solver, drives the written poses; the bent robot stands where it was meant to."""
+    shift = np.eye(4)
+    shift[:3, 3] = np.array(BASE_MM) * 1e-3
+    closes_at(robot, real, q, [shift @ base @ T @ np.linalg.inv(matrix(TOOL)) for T in poses])
+
+
+def test_a_pose_over_the_shoulder_is_left_with_the_reason(kuka, tmp_path):
+    robot, real = kuka
+    q = [row for row in regular_angles(robot, 200, seed=9) if is_rear(robot, row)][:1]
+    path = tmp_path / "PART.JBI"
+    path.write_text(inform(robot, np.array(q)), newline="")
+    with pytest.raises(InputError, match="to the rear, and which elbow its maker then calls the upper"):
+        compensate_file(path, robot, real, frames=FRAMES)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("///RCONF", "///COMM", "says no form"),
+        ("POSTYPE USER", "POSTYPE MTOOL", "position type MTOOL"),
+        (",0,0\r", ",0,2\r", "says no form"),
+        ("VJ=10.00", "BC00000 VJ=10.00", "may shift it"),
+    ],
+)
+def test_a_pose_that_is_not_certain_is_left(old, new, why, kuka, tmp_path):
+    robot, real = kuka
+    q = np.array([row for row in regular_angles(robot, 20, seed=5) if not is_rear(robot, row)])[:1]
+    path = tmp_path / "PART.JBI"
+    path.write_text(inform(robot, q).replace(old, new), newline="")
+    with pytest.raises(InputError, match=why):
+        compensate_file(path, robot, real, frames=FRAMES)
+
+
+def test_a_tool_that_no_file_holds_is_named(kuka, tmp_path):
+    robot, real = kuka
+    q = np.array([row for row in regular_angles(robot, 20, seed=5) if not is_rear(robot, row)])[:1]
+    path = tmp_path / "PART.JBI"
+    path.write_text(inform(robot, q), newline="")
+    with pytest.raises(InputError, match=r"TOOL 3 is not in the files \(--tool\)"):
+        compensate_file(path, robot, real)
+
+
+def kawasaki(robot, q, words="TOOL grip\nBASE table\n"):
+    """A program of joints and poses by the AS manual; the first target, in joint angles, says the shape of the arm."""
+    lines = [".PROGRAM part()", *words.splitlines(), "JMOVE #start"]
+    lines += [f"LMOVE p[{k}]" for k in range(len(q))]
+    lines += [".END", ".JOINTS", f"#start {' '.join(f'{v:.9f}' for v in np.degrees(q[0]))}", ".END", ".TRANS"]
+    for name, T in (("grip", matrix(TOOL)), ("table", matrix(BASE))):
+        lines.append(f"{name} {oat(T)}")
+    lines += [f"p[{k}] {oat(in_base(robot, row, matrix(TOOL), matrix(BASE)))}" for k, row in enumerate(q)]
+    return "\r\n".join([*lines, ".END", ""])
+
+
+def oat(T):
+    values = [*T[:3, 3] * 1e3, *Rotation.from_matrix(T[:3, :3]).as_euler("ZYZ", degrees=True)]
+    return " ".join(f"{v:.9f}" for v in values)
+
+
+def oat_poses(text):
+    rows = re.findall(r"^p\[\d+\] (.*?)\r?$", text, re.MULTILINE)
+    return [pose_of([float(v) for v in row.split()], "ZYZ") for row in rows]
+
+
+ROW = np.linspace(np.radians([10, -80, 100, 20, 40, 30]), np.radians([30, -60, 80, 40, 60, 200]), 12)
+
+
+def test_an_as_program_of_poses_keeps_the_shape_of_the_joints_before(kuka, tmp_path):
+    robot, real = kuka
+    path = tmp_path / "part.as"
+    path.write_text(kawasaki(robot, ROW), newline="")
+    done = compensate_file(path, robot, real)
+    assert done.report.poses == len(ROW)
+    closes(robot, real, ROW, oat_poses(done.text), matrix(BASE))
+    for frame in ("grip", "table"):
+        assert f"{frame} {oat(matrix(TOOL if frame == 'grip' else BASE))}\r\n" in done.text
+
+
+@pytest.mark.parametrize(
+    ("words", "old", "new", "why"),
+    [
+        ("TOOL grip\n", "", "", r"the file does not say the base \(--base\)"),
+        ("BASE table\n", "", "", r"the file does not say the tool \(--tool\)"),
+        ("TOOL grip\nBASE table\n", "JMOVE #start", "JMOVE #start\r\nLEFTY", "whose shape of the arm is kept"),
+        ("TOOL grip\nBASE table\nPOINT table = HERE\n", "", "", "base table may be written by the program"),
+        ("TOOL other\nBASE table\n", "", "", r"other is not in the files \(--tool\)"),
+    ],
+)
+def test_an_as_pose_that_is_not_certain_is_left(words, old, new, why, kuka, tmp_path):
+    robot, real = kuka
+    path = tmp_path / "part.as"
+    path.write_text(kawasaki(robot, ROW[:2], words).replace(old, new, 1), newline="")
+    done = compensate_file(path, robot, real)
+    assert (done.report.joint_targets, done.report.poses) == (1, 0 if words else 1)
+    assert re.search(why, done.summary)
