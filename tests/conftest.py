@@ -21,6 +21,7 @@ TOGETHER = (
     "tests/report", "tests/circular", "tests/gauges/trical", "tests/studies", "tests/accuracy",
     "tests/loaded", "tests/windows",
 )  # fmt: skip
+SHARED = {"tests/identification/test_suitability.py": "tests/identification/test_posterior.py"}  # of two files alike
 LONGEST = (  # by default, and of those that are run on demand
     "tests/programs/linuxcnc/test_motion_controller.py",
     "tests/workflow/test_plan.py", "tests/reproduction/test_table9.py", "tests/test_examples.py",
@@ -45,10 +46,10 @@ def browser():
 
 
 def scope_of(nodeid):
-    """The folder of a test whose fixtures are shared there, else its file."""
+    """The folder of a test whose fixtures are shared there, else its file, or the one that computes the same."""
     file = nodeid.split("::")[0]
     folder = file.rpartition("/")[0]
-    return folder if folder in TOGETHER else file
+    return folder if folder in TOGETHER else SHARED.get(file, file)
 
 
 def pytest_collection_modifyitems(items):

@@ -6,6 +6,7 @@ A file of long tests belongs to the room of its folder; what drives the whole pr
 
 import argparse
 import csv
+import signal
 import subprocess
 import sys
 import tempfile
@@ -65,15 +66,26 @@ def main() -> int:
         report = Path(folder) / "report.xml"
         words = f"-m pytest -m long -rs -n {asked.jobs} --junitxml={report} -o junit_family=xunit1".split()
         command = [sys.executable, *words, *(r.file for r in chosen)]
-        code = subprocess.run(command, cwd=TESTS.parent, check=False).returncode
+        code, is_cut = run_within(command, asked.stop_after_s)
         if report.exists():
-            write_table(updated(table, report, _git("rev-parse", "--short=8", "HEAD")))
+            if not is_cut:  # else a file of which half has run would look whole
+                write_table(updated(table, report, _git("rev-parse", "--short=8", "HEAD")))
             fell = failed_files(report)
             print("failed:", ", ".join(sorted(fell)) or "none")
-            if code == 1 and not fell & {r.file for r in table if r.date}:
-                print("None of them has passed before: they are not counted until they have.")
+            if (code == 1 or is_cut) and not fell & {r.file for r in table if r.date}:
+                print("The time was over." if is_cut else "None passed before: they are not counted until they have.")
                 return 0
     return code
+
+
+def run_within(command: Sequence[str], seconds: float | None) -> tuple[int, bool]:
+    """Run a command, interrupted after so many seconds if it must be; return its code, and whether it was."""
+    with subprocess.Popen(command, cwd=TESTS.parent) as running:
+        try:
+            return running.wait(seconds), False
+        except subprocess.TimeoutExpired:
+            running.send_signal(signal.SIGINT)
+            return running.wait(), True
 
 
 def failed_files(report: Path) -> set[str]:
@@ -179,6 +191,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--list", action="store_true", help="say what would be run")
     parser.add_argument("--all", action="store_true", help="all of them, however long")
     parser.add_argument("--minutes", type=float, default=15.0, help="for all processors together (default: 15)")
+    parser.add_argument("--stop-after-s", type=float, help="interrupt what still runs after so many seconds")
     parser.add_argument("--base", metavar="COMMIT", help="what changed since then (default: the last run)")
     parser.add_argument("-j", "--jobs", type=int, default=2, help="processors (default: 2)")
     return parser.parse_args()

@@ -19,6 +19,7 @@ from planner.cell.gauge_reading import GaugeReading
 from planner.cell.gauge_session import GaugeSession
 from planner.cell.gauge_way import GaugeWay
 from planner.effects.gauge_unknowns import GaugeUnknowns
+from tests.syntax import nodes_of
 
 ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
@@ -28,11 +29,6 @@ ORDER = [
     "simulation", "centring", "next_session", "accuracy", "circular", "loaded", "checks", "report", "studies",
     "workflow", "reproduction", "cli", "service", "wings",
 ]  # fmt: skip
-
-
-@cache
-def nodes_of(path):
-    return tuple(ast.walk(ast.parse(path.read_text())))
 
 
 def room_of(path):

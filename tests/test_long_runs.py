@@ -1,10 +1,11 @@
 """Which long tests a run of CI takes, and that each has its turn."""
 
+import sys
 from pathlib import Path
 
 import pytest
 
-from tests.long_runs import ORDER, RUNS, LongRun, failed_files, in_order, rooms_below, updated, within
+from tests.long_runs import ORDER, RUNS, LongRun, failed_files, in_order, rooms_below, run_within, updated, within
 
 MANY = [LongRun(f"tests/{room}/test_{k}.py", f"2026-01-0{1 + k}", "", "60") for room in ORDER for k in range(5)]
 
@@ -54,6 +55,12 @@ def test_only_files_that_passed_whole_are_dated(tmp_path):
 @pytest.mark.parametrize("seconds", [1.0, 240.0])
 def test_as_many_as_the_time_holds(seconds):
     assert len(within(MANY, seconds)) == max(1, seconds // 60)
+
+
+@pytest.mark.posix
+def test_what_still_runs_when_the_time_is_over_is_interrupted():
+    assert run_within([sys.executable, "-c", "import time; time.sleep(600)"], 0.5)[1]
+    assert run_within([sys.executable, "-c", "raise SystemExit(3)"], 600.0) == (3, False)
 
 
 def test_files_that_failed_are_those_of_the_report(tmp_path):

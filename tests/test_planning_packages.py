@@ -26,6 +26,7 @@ from planner.session.plan_record import part_hashes
 from planner.session.planned_session import load_session
 from planner.workflow.plan_use import export, simulate
 from tests.not_everywhere import pin
+from tests.syntax import nodes_of
 from tests.workflow.small_plan import write_small_plan
 
 ROOT = Path(planner.__file__).parent
@@ -58,7 +59,7 @@ def edbb_without(*words, cwd=None, env=None, flags=(), text=True):
 
 
 def _imported(path):
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
             yield from (a.name.partition(".")[0] for a in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -82,14 +83,20 @@ def test_no_module_loads_a_package_of_planning():
 
 
 def test_planning_without_its_packages_says_in_one_sentence_where_it_can_be_done(tmp_path):
-    for words in (["plan", "ur10/edbb"], ["study", "ur10/edbb"], ["plan-check", "ur10/edbb", "--model", "b"]):
-        done = edbb_without(*words, "-o", "out", cwd=tmp_path)
-        assert done.returncode == 4, done.stderr
-        (line,) = done.stderr.strip().splitlines()
+    commands = (["plan", "ur10/edbb"], ["study", "ur10/edbb"], ["plan-check", "ur10/edbb", "--model", "b"])
+    one_by_one = "for sys.argv[1:] in {}:\n    try: main()\n    except SystemExit as done: print(done.code)\n"
+    code = WITHOUT.format(packages=PACKAGES).replace(
+        "\nmain()\n", "\n" + one_by_one.format([[*c, "-o", "out"] for c in commands])
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert done.stdout.split() == ["4"] * len(commands), done.stderr
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == len(commands)
+    for line in lines:
         assert line.startswith("edbb: planning needs")
         for word in ("pin", "--server URL", "Linux, macOS, WSL", "container"):
             assert word in line
-        assert not list(tmp_path.iterdir())
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.long

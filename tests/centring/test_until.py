@@ -17,8 +17,15 @@ from planner.common.units import from_deg
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.next_session.live_advice import CentringAdvice
 from planner.simulation.truth import draw_truth
+from tests.next_session.named_errors import named_errors_alone
 
-POSES, EACH = 42, 6  # poses in all; every so many one validates
+POSES, EACH = 30, 6  # poses in all; every so many one validates
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick():
+    with named_errors_alone():
+        yield
 
 
 @pytest.fixture(scope="module")

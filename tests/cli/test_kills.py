@@ -41,7 +41,7 @@ KILLS = {
     "plan-check": 8, "centre": 10, "measure": 10, "record": 10,
 }  # fmt: skip
 assert sum(KILLS.values()) == 200
-LIGHT = ("import",)
+LIGHT = {"import": ("planner.cli.calibration_commands", "planner.runs.column_map", "planner.runs.traces")}
 COMPUTED = ("study", "identify", "plan", "fixtures", "loaded-places", "plan-both", "check", "plan-check")
 GROWING = ("centre", "measure", "record")  # have tests of their own: what they write grows
 SMALL = {
@@ -68,10 +68,10 @@ class Commands:
         self.process = subprocess.Popen(words, stdin=pipe, stdout=pipe, text=True, env={**os.environ, **one})
         self.folder = folder
 
-    def warm(self) -> None:
-        """Load what the commands need."""
-        names = (m.name for m in pkgutil.walk_packages(planner.__path__, "planner."))
-        self._order(warm=[n for n in names if not n.endswith("__main__")], settings=SMALL)
+    def warm(self, *names: str) -> None:
+        """Load these modules, or all that the commands need."""
+        every = (m.name for m in pkgutil.walk_packages(planner.__path__, "planner."))
+        self._order(warm=names or [n for n in every if not n.endswith("__main__")], settings={} if names else SMALL)
 
     def learn(self, words: Sequence[object], folder: Path) -> None:
         """Compute what a command will write, and see that no file changes before it does."""
@@ -235,8 +235,7 @@ def test_a_kill_leaves_old_or_new(kind, commands, tmp_path, request):
         pytest.skip("takes minutes: only with EDBB_ALL_TRIALS=1")
     out = tmp_path / "place"
     out.mkdir()
-    if kind not in LIGHT:
-        commands.warm()
+    commands.warm(*LIGHT.get(kind, ()))
     *words, where = PAIRS[kind](commands.folder, out, None if kind in LIGHT else request.getfixturevalue("small"))
     ends, slowest = [], []
     for number, word in enumerate(words):

@@ -11,6 +11,7 @@ import pytest
 import planner
 from planner.cli.app import load_command, verbs
 from planner.session.evaluations import evaluation_of
+from tests.syntax import nodes_of
 
 SOURCE = Path(planner.__file__).parent
 NAMED = re.compile(r"\bedbb ([a-z]+(?:-[a-z]+)*)\b((?:(?!\bedbb )[^;:.`'\"]|\.\w|\.\.\.)*)")
@@ -24,7 +25,7 @@ def texts(path):
     if path.suffix != ".py":
         yield path.read_text(encoding="utf-8")
         return
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes_of(path):
         if isinstance(node, ast.JoinedStr):
             yield "".join(str(v.value) if isinstance(v, ast.Constant) else "X" for v in node.values)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
@@ -70,7 +71,7 @@ def test_what_is_filled_into_a_command_is_a_word_of_its_own():
     """No folder or file stands in a command as it is: a blank in its path would part it."""
     bare = re.compile(r"\bedbb [a-z-]+ [^;:]*?(?:--[a-z-]+|-o|identify|import|plan|add) (\{(?!as_word)[^}]*\})")
     for path in sorted(SOURCE.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes_of(path):
             if isinstance(node, ast.JoinedStr):
                 parts = (
                     f"{{{ast.unparse(v.value)}}}" if isinstance(v, ast.FormattedValue) else ast.literal_eval(v)

@@ -32,13 +32,14 @@ def test_a_simulated_run_says_its_result_on_standard_output(tmp_path):
     assert piped.stdout == (tmp_path / "run.csv").read_text()  # nothing but the file
 
 
-def test_without_a_place_each_result_gets_a_new_one_of_its_own(tmp_path):
+def test_without_a_place_each_result_gets_a_new_one_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     for name in ("simulate-kr6-plan.csv", "simulate-kr6-plan-2.csv"):
-        done = edbb("simulate", PLAN, cwd=tmp_path)
+        done = edbb("simulate", PLAN)
         assert done.returncode == 0, done.stderr
         assert name in done.stdout
         assert (tmp_path / name).is_file()
-    done = edbb("export", PLAN, "--dialect", "krl", cwd=tmp_path)
+    done = edbb("export", PLAN, "--dialect", "krl")
     assert done.returncode == 0, done.stderr
     assert {p.suffix for p in (tmp_path / "export-kr6-plan").iterdir()} == {".src", ".dat"}
 

@@ -22,7 +22,7 @@ POSES = 30
 @cache
 def refined(index):
     cell = load_cell("comau-nj130/edbb")
-    pool = draw_candidates(cell, 3000)
+    pool = draw_candidates(cell, 1200)
     model, seen, rows = identify_candidates(cell, pool)
     found = exchange_poses(rows, POSES, index, starts=1, steps=200)
     choice = PoseChoice.of_candidates(pool, found.chosen, model, seen, found.certificate)

@@ -50,6 +50,7 @@ def test_mixtures_do_nearly_all_that_the_turns_do(errors):
         assert 0.95 <= 0.5 * (shown + moved) <= 1.0 + 1e-9
 
 
+@pytest.mark.long
 def test_a_part_that_turns_without_a_name_is_within_the_limit(errors):
     """Ten arms in which one part turns with another joint or with gravity, five times the usual size.
 

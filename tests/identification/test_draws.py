@@ -58,6 +58,7 @@ def test_what_the_noise_may_be_is_drawn_as_the_dense_covariance_says(m, p):
     assert np.abs((np.cov(drawn.T) - covariance) / np.outer(unit, unit)).max() < 0.08
 
 
+@pytest.mark.long
 def test_noise_is_drawn_from_its_posterior(monkeypatch):
     """Mean and deviation of both components' logarithms, against a grid of dense densities; sizes are known."""
     monkeypatch.setattr(draws, "NOISE_EVERY", 1)
@@ -121,7 +122,7 @@ def prior_of(pair, pools):
 
 @pytest.mark.parametrize(
     "pools",
-    [(0, 0), pytest.param((1, 1), marks=pytest.mark.long), (1, 2)],
+    [pytest.param((0, 0), marks=pytest.mark.long), pytest.param((1, 1), marks=pytest.mark.long), (1, 2)],
     ids=["alone", "of one pool", "of two pools"],
 )
 def test_shares_of_the_draws_are_the_probabilities(monkeypatch, pools):

@@ -106,8 +106,9 @@ def test_a_joint_that_jumps_between_two_sessions_is_named(tmp_path, other):
     assert len(found.findings) == 1
 
 
-@pytest.mark.parametrize("other", ["bar", pytest.param("wire", marks=pytest.mark.long)])
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 4))])
+@pytest.mark.long
+@pytest.mark.parametrize("other", ["bar", "wire"])
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_nothing_is_named_where_nothing_jumped(tmp_path, other, seed):
     world = World.drawn(seed)
     runs = [

@@ -177,7 +177,7 @@ def test_an_expected_error_that_was_edited_is_not_taken(tmp_path):
     assert "was changed by hand since edbb wrote it (rest_mm)" in str(said)
 
 
-@pytest.mark.parametrize("offset", [None, (0.1, -0.05, 0.2)])
+@pytest.mark.parametrize("offset", [pytest.param(None, marks=pytest.mark.long), (0.1, -0.05, 0.2)])
 def test_the_file_expects_at_a_programs_poses_what_drawn_robots_do(offset):
     """Robots drawn from the posterior, by the whole forward model, their bases aligned over the workspace (Kabsch)."""
     found, expected = known()

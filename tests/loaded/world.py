@@ -67,21 +67,19 @@ def angles(the_arm, targets, tool=TOOL, start=HOME):
 def reach(the_arm, targets, rng, tool=TOOL, tries=12):
     """Angles (m, 6) for those of ``targets`` (n, 3) that some random start reaches within limits, any orientation."""
     names = [f"theta{i + 1}" for i in range(6)]
-    out = []
-    for target in targets:
-        q = rng.uniform(0.6 * the_arm.lower, 0.6 * the_arm.upper, (tries, 6))
-        for _ in range(25):
-            s = the_arm.walk(q, {}, names)
-            x = s.p + np.einsum("ijn,j->in", s.R, tool)
-            J = np.stack([screw(the_arm, s, m, x) for m in names], axis=2).transpose(1, 0, 2)
-            step = np.einsum("nij,nj->ni", np.linalg.pinv(J), (target[:, None] - x).T)
-            q = q + np.clip(step @ np.linalg.inv(the_arm.sense).T, -0.3, 0.3)
-        s = the_arm.walk(q, {})
-        gap = np.linalg.norm(target[:, None] - s.p - np.einsum("ijn,j->in", s.R, tool), axis=0)
-        good = (gap < 1e-6) & np.all((q > the_arm.lower) & (q < the_arm.upper), axis=1)
-        if good.any():
-            out.append(q[int(np.argmax(good))])
-    return np.array(out)
+    q = rng.uniform(0.6 * the_arm.lower, 0.6 * the_arm.upper, (len(targets), tries, 6)).reshape(-1, 6)
+    goal = np.repeat(targets, tries, axis=0)
+    for _ in range(25):
+        s = the_arm.walk(q, {}, names)
+        x = s.p + np.einsum("ijn,j->in", s.R, tool)
+        J = np.stack([screw(the_arm, s, m, x) for m in names], axis=2).transpose(1, 0, 2)
+        step = np.einsum("nij,nj->ni", np.linalg.pinv(J), goal - x.T)
+        q = q + np.clip(step @ np.linalg.inv(the_arm.sense).T, -0.3, 0.3)
+    s = the_arm.walk(q, {})
+    gap = np.linalg.norm(goal.T - s.p - np.einsum("ijn,j->in", s.R, tool), axis=0)
+    good = (gap < 1e-6) & np.all((q > the_arm.lower) & (q < the_arm.upper), axis=1)
+    good, q = good.reshape(-1, tries), q.reshape(-1, tries, 6)
+    return q[np.arange(len(q)), np.argmax(good, axis=1)][good.any(axis=1)]
 
 
 def circle_points(theta, centre=CENTRE, radius=RADIUS):

@@ -3,6 +3,7 @@
 import json
 import re
 import time
+from contextlib import nullcontext
 from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace as Of
@@ -20,6 +21,7 @@ from planner.runs.run import Mounting
 from tests.centring.test_live_gauge import Gauge
 from tests.command import edbb
 from tests.identification.joint_world import BAR_LEFT, World
+from tests.next_session.named_errors import named_errors_alone
 from tests.simulation.made import wide_plan
 
 POSES = 70
@@ -40,12 +42,13 @@ def is_validation(pose):
 
 
 def begun(bench, until=None, some_validate=False):
-    """An estimate before any reading; what it knows beforehand is made once."""
+    """An estimate before any reading, of named errors where some poses validate; what it knows before is made once."""
     if not hasattr(bench, "begun"):
         bench.begun = {}
     if some_validate not in bench.begun:
         q = bench.made.q[[not (some_validate and is_validation(k)) for k in range(len(bench.made.q))]]
-        bench.begun[some_validate] = LiveEstimate.of(bench.cell, q, np.zeros(len(q), dtype=int))
+        with named_errors_alone() if some_validate else nullcontext():
+            bench.begun[some_validate] = LiveEstimate.of(bench.cell, q, np.zeros(len(q), dtype=int))
     one = bench.begun[some_validate]
     start = LearntErrors.usual(len(one.posterior.root), len(one.posterior.families))
     new = copy(one)
@@ -60,8 +63,8 @@ def read_at(lengths):
 
 def test_an_update_does_not_depend_on_the_order(bench):
     one, other, read = begun(bench, 0.02e-3), begun(bench), read_at(bench.made.length)
-    one.add_all({k: read[k] for k in range(len(read) - 6)})
-    for k in range(len(read) - 6, len(read)):
+    one.add_all({k: read[k] for k in range(len(read) - 3)})
+    for k in range(len(read) - 3, len(read)):
         stands = one.add(k, read[k])
     last = other.add_all({int(k): read[int(k)] for k in np.random.default_rng(0).permutation(len(read))})
     assert last.error == pytest.approx(stands.error, rel=2e-3)  # steps end at a hundredth of a reading's noise
@@ -103,6 +106,7 @@ def test_what_is_expected_is_what_comes(bench):
     assert np.mean(below) >= 0.87
 
 
+@pytest.mark.long
 def test_what_more_poses_are_foreseen_to_bring_is_what_they_bring(bench):
     """Arms of which few effects act: the sizes of the others shrink while it is measured, and that is foreseen."""
     foreseen, as_learnt = [], []

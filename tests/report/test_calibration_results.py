@@ -12,6 +12,7 @@ import pytest
 
 from planner.documents.calibration import Calibration
 from planner.documents.residual_table import residuals_csv
+from planner.fit.assumptions import SIGNIFICANCE
 from planner.model.identification_document import Identification, error_size
 from tests.report.calibrated import calibrated
 
@@ -136,6 +137,7 @@ def test_degrees_of_freedom_are_those_of_the_readings() -> None:
 
 def test_what_is_left_reads_as_the_tests_say() -> None:
     c = calibrated("edbb_static", 160, 1e-4)
+    assert all(t.p_value < SIGNIFICANCE for t in c.diagnosis.found)
     unexplained = c.content()["unexplained"]
     assert unexplained["structured"] is True
     assert "joint 4" in unexplained["along"]

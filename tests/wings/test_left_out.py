@@ -16,6 +16,7 @@ from planner.common.extensions import GROUP
 from planner.wings import SECTIONS
 from planner.workflow.verbs import CORE, declared_calls
 from tests.golden.cases import shipped
+from tests.syntax import nodes_of
 from tests.wings import registered
 from tests.wings.installation import ROOT, WINGS, edbb_in, files_of, install_without, parts_of, run_in
 
@@ -37,7 +38,7 @@ for path in sorted(Path(planner.__file__).parent.rglob("*.py")):
 
 def imported_files(path):
     """The files that may be meant by what a file imports from the planner."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(path):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("planner."):
             base = ROOT.joinpath(*node.module.split("."))
             yield from (base.with_suffix(".py"), base / "__init__.py")
