@@ -26,7 +26,7 @@ from planner.design.assumptions import (
     UNTRACED_TARGET_SHARE,
 )
 from planner.design.candidates.pool import PoseSet
-from planner.design.expected_errors import ErrorForecast, ExpectedErrors, error_limit, share_below
+from planner.design.expected_errors import ErrorForecast, ExpectedErrors, error_left, error_limit, share_below
 from planner.design.free_parameters import undeclared_errors
 from planner.design.goal_of_poses import settle_until
 from planner.design.selection.search import add_greedily, exchange_singly
@@ -137,20 +137,32 @@ class BayesianDesign(ErrorForecast):
         """How much smaller, at most, the error of another set of candidates could be, as a part of the bound."""
         return self.on_grid / self.bound - 1.0
 
-    def with_driven_poses(self, samples: Samples, minutes: Callable[[int], float]) -> "BayesianDesign":
+    def with_driven_poses(
+        self, samples: Samples, minutes: Callable[[int], float], unknown: ExpectedErrors | None = None
+    ) -> "BayesianDesign":
         """Return the design with the errors after the driven poses, and the minutes that each number of poses takes.
 
-        Other numbers, chosen among few candidates, are foreseen better by as much as this one came out better.
+        Other numbers, chosen among few candidates, are foreseen better or worse by as much as this one came out so.
+
+        Args:
+            samples: the poses that are driven.
+            minutes: that a number of poses takes.
+            unknown: what they leave unknown, where that is more than what chose them.
         """
-        white = self.unknown.white(samples)
-        after = errors_after(white, self.unknown)
-        left, n, at_most = float(after[-1]), len(after), error_limit(self.unknown, white)
+        unknown = self.unknown if unknown is None else unknown
+        white = unknown.white(samples)
+        after = errors_after(white, unknown)
+        left, n, at_most = float(after[-1]), len(after), error_limit(unknown, white)
+        floor = self.floor * left / _remaining_error(self.unknown.white(samples), self.unknown)
         others = [f for f in self.by_number if f.poses not in (n, len(self.after))]
-        found = [ErrorByNumber(f.poses, max(left / self.forecast * f.error, self.floor)) for f in others]
+        found = [ErrorByNumber(f.poses, max(left / self.forecast * f.error, floor)) for f in others]
         found = sorted([*found, ErrorByNumber(n, left)], key=lambda f: f.poses)
         by_number = tuple(replace(f, minutes=minutes(f.poses)) for f in found)
-        below = None if self.until is None else share_below(self.unknown, white, self.until)
-        return replace(self, after=after, left=left, at_most=at_most, by_number=by_number, share_below=below)
+        below = None if self.until is None else share_below(unknown, white, self.until)
+        return replace(
+            self, unknown=unknown, after=after, left=left, at_most=at_most, floor=floor, by_number=by_number,
+            share_below=below,
+        )  # fmt: skip
 
 
 class BackgroundDesign:
@@ -308,7 +320,7 @@ def foresee_error(cell: Cell, samples: Samples, poses: int) -> tuple[float, floa
 def _remaining_error(white: Array, unknown: ExpectedErrors) -> float:
     """Return the expected error [m] after all readings of ``white`` (n, P)."""
     covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))
-    return unknown.state(float((unknown.weight_per_prior * covariance).sum()))
+    return error_left(unknown, float((unknown.weight_per_prior * covariance).sum()))
 
 
 def _start_factors(unknown: ExpectedErrors) -> Array:
@@ -358,5 +370,5 @@ def errors_after(white: Array, unknown: ExpectedErrors) -> Array:
     out = np.empty(len(white))
     for k in range(len(white)):
         known.change(k)
-        out[k] = unknown.state(known.square)
+        out[k] = error_left(unknown, known.square)
     return out

@@ -52,6 +52,10 @@ class ExpectedErrors(Protocol):
         """A few words that say which robots the error before any reading belongs to."""
 
     @property
+    def doubt(self) -> float:
+        """One sigma of the logarithm of what is left of the errors, as their sizes have to be learnt."""
+
+    @property
     def assumptions(self) -> str:
         """A sentence on what the expected errors assume."""
 
@@ -108,9 +112,9 @@ class ErrorForecast:
     @classmethod
     def of(cls, unknown: ExpectedErrors, samples: Samples) -> "ErrorForecast":
         """Return the forecast for the poses ``samples`` of any gauge."""
-        squares = _weights_of_squares(unknown.weight_per_prior, unknown.white(samples))
-        left, at_most = float(squares.sum()), limit_of_sum(squares)
-        return cls(unknown, unknown.state(left), unknown.state_limit(at_most))
+        white = unknown.white(samples)
+        squares = _weights_of_squares(unknown.weight_per_prior, white)
+        return cls(unknown, error_left(unknown, float(squares.sum())), error_limit(unknown, white))
 
     @property
     def before(self) -> float:
@@ -118,25 +122,30 @@ class ErrorForecast:
         return self.unknown.state(float(np.trace(self.unknown.weight_per_prior)))
 
 
+def error_left(errors: ExpectedErrors, square: float) -> float:
+    """Return the error of the tool that is expected [m], where known sizes would leave the mean square ``square``."""
+    return errors.state(square * float(np.exp(2.0 * errors.doubt**2)))
+
+
 def error_limit(errors: ExpectedErrors, white: Array) -> float:
     """Return the error of the tool [m] that 95 of 100 robots stay below after readings ``white`` (n, P)."""
-    return errors.state_limit(square_error_limit(errors.weight_per_prior, white))
+    return errors.state_limit(square_error_limit(errors.weight_per_prior, white, errors.doubt))
 
 
 def share_below(errors: ExpectedErrors, white: Array, until: float) -> float:
     """Return the share of robots whose tool errs by no more than ``until`` [m] after readings ``white`` (n, P)."""
-    weights = _weights_of_squares(errors.weight_per_prior, white)
-    squares = np.sort(_draw_robots(len(weights))[0] @ weights)
+    squares = np.sort(_draw_squares(_weights_of_squares(errors.weight_per_prior, white), doubt=errors.doubt))
     below = bisect_right(range(len(squares)), until, key=lambda k: errors.state_limit(float(squares[k])))
     return below / len(squares)
 
 
-def square_error_limit(weight: Array, white: Array) -> float:
+def square_error_limit(weight: Array, white: Array, doubt: float = 0.0) -> float:
     """Return the square [m²] that 95 of 100 robots stay below, of errors of unit size after readings ``white`` (n, P).
 
-    Its weights are the eigenvalues of ``weight`` (P, P) times the covariance that the readings leave.
+    Its weights are the eigenvalues of ``weight`` (P, P) times the covariance that the readings leave; ``doubt`` as of
+    :class:`ExpectedErrors`.
     """
-    return limit_of_sum(_weights_of_squares(weight, white))
+    return limit_of_sum(_weights_of_squares(weight, white), doubt=doubt)
 
 
 def _weights_of_squares(weight: Array, white: Array) -> Array:
@@ -153,9 +162,14 @@ def limit_of_sum(weights: Array, sure: float = 0.0, doubt: float = 0.0) -> float
         sure: what is added to the sum and does not vary.
         doubt: standard deviation of the logarithm of the root of the whole.
     """
+    return float(np.quantile(_draw_squares(weights, sure, doubt), LIMIT_QUANTILE))
+
+
+def _draw_squares(weights: Array, sure: float = 0.0, doubt: float = 0.0) -> Array:
+    """Return draws of the sum of :func:`limit_of_sum`, (robots,)."""
     squares, normal = _draw_robots(len(weights))
     sums = squares @ weights + sure
-    return float(np.quantile(sums * np.exp(2.0 * doubt * normal) if doubt else sums, LIMIT_QUANTILE))
+    return np.asarray(sums * np.exp(2.0 * doubt * normal) if doubt else sums)
 
 
 @cache

@@ -179,6 +179,7 @@ class UndeclaredErrors:
 
     where: ClassVar[str] = EVERYWHERE
     untraced_label: ClassVar[str] = "geometry alone"
+    doubt: ClassVar[float] = 0.0  # sizes count as known
     assumptions: ClassVar[str] = ASSUMED
     before_label: ClassVar[str] = "as such a robot comes"
     condition: ClassVar[str] = (

@@ -26,6 +26,8 @@ ALWAYS, MOSTLY, AT_TIMES, HARDLY_EVER = "always", "mostly", "at times", "hardly 
 """How often errors of a family act: the geometry's; gears and joints that yield; what else the catalogue names; what it
 has no name for. A session stops by them, so they promise less than an identification, which has half absent.
 """
+SEEN_TO_ACT = {MOSTLY: (3.0, 4.0), AT_TIMES: (1.0, 2.0), HARDLY_EVER: (1.0, 10.0)}
+"""Families of a kind that count as seen to act, and in all, before any reading (a beta distribution)."""
 
 
 @dataclass(frozen=True)
@@ -106,9 +108,7 @@ def learn_errors(white: Array, seen: Array, families: Families, begin: LearntErr
     offers = [families.factors(f) for f in range(len(families))]
     square, typical, noise = begin.factors**2, begin.typical.copy(), begin.noise**2
     model = LinearGaussian(white, begin.factors[families.number], np.full(len(white), begin.noise))
-    # families of a kind that count as seen to act, and in all, before any reading (a beta distribution)
-    counts = {MOSTLY: (3.0, 4.0), AT_TIMES: (1.0, 2.0), HARDLY_EVER: (1.0, 10.0)}
-    kinds = [(families.acts == kind, a, of) for kind, (a, of) in counts.items()]
+    kinds = [(families.acts == kind, a, of) for kind, (a, of) in SEEN_TO_ACT.items()]
     acts = sum((np.where(mine, a / of, 0.0) for mine, a, of in kinds), np.zeros(len(square)))
     share = acts.copy()
     for turn in range(12):  # rounds: sizes move by less than a few per cent after that

@@ -6,9 +6,10 @@ B 63(3)). Each family of such turns is many columns, nearly alike over the poses
 mixtures of them that act there.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import block_diag, eigh
@@ -16,7 +17,10 @@ from scipy.linalg import block_diag, eigh
 from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.units import Array, read_only
-from planner.design.free_parameters import UndeclaredErrors
+from planner.design.assumptions import SIZE_DOUBT
+from planner.design.expected_errors import ExpectedErrors
+from planner.design.free_parameters import ASSUMED, UndeclaredErrors
+from planner.design.learnt_sizes import AT_TIMES, HARDLY_EVER, SEEN_TO_ACT
 from planner.effects.catalogue import Excitation
 from planner.effects.misfit_shapes import shapes_without_catalogue
 from planner.model.tool_error import ToolError
@@ -63,8 +67,47 @@ class UnnamedErrors(UndeclaredErrors):
         return self._weight_per_error
 
     def white(self, samples: Samples) -> Array:
-        """Return the rows of readings in standard deviations per error, (n, P)."""
-        return np.asarray(self.model.rows(samples)[:, 0] @ self.root / self.model.noise(samples)[:, None])
+        """Return the rows of readings in standard deviations per error, (n r, P)."""
+        return self.model.reading_noise(samples).white(self.model.rows(samples) @ self.root)
+
+
+@dataclass(frozen=True)
+class IdentifiedErrors(UnnamedErrors):
+    """The same as an identification meets them: it has to learn which of them act, and how large they are."""
+
+    doubt: ClassVar[float] = SIZE_DOUBT
+    assumptions: ClassVar[str] = f"{ASSUMED}. What else an identification allows for takes its share of the readings"
+
+
+def identified_errors(unknown: ExpectedErrors, cell: Cell, samples: Samples) -> ExpectedErrors:
+    """Return what poses ``samples`` leave unknown to an identification, where ``unknown`` chose them.
+
+    Families without a name count by the mean of their squares: each has its usual size as often as it acts. Of a robot
+    that was calibrated before, its own posterior says all this.
+    """
+    if not isinstance(unknown, UndeclaredErrors):
+        return unknown
+    there = add_unnamed_errors(unknown, cell, samples)
+    often, hardly = (act / of for act, of in (SEEN_TO_ACT[AT_TIMES], SEEN_TO_ACT[HARDLY_EVER]))
+    acts = np.append(np.where(there.catalogued, often, hardly), 1.0)[there.family]  # the last is of those with a name
+    own = {f.name: getattr(there, f.name) for f in fields(there)}
+    found = IdentifiedErrors(**own | {"mixtures": read_only(there.mixtures * np.sqrt(acts))})
+    return replace(found, untraced_error=_geometry_alone(found, found.white(samples)))
+
+
+def _geometry_alone(errors: UnnamedErrors, white: Array) -> float:
+    """Return the error of the tool [m] that readings ``white`` (n, P) leave where gauge and geometry alone are fitted.
+
+    The fit takes all other errors for noise of the gauge.
+    """
+    named = int((errors.family < 0).sum())
+    fitted = np.zeros(white.shape[1], dtype=bool)
+    fitted[:named] = [not p.is_effect for p in errors.model.parameters[:named]]
+    own = white[:, fitted]
+    gain = np.zeros(white.T.shape)
+    gain[fitted] = np.linalg.solve(own.T @ own + np.eye(own.shape[1]), own.T)
+    left = np.eye(white.shape[1]) - gain @ white
+    return errors.state(float((errors.weight_per_prior * (left @ left.T + gain @ gain.T)).sum()))
 
 
 @on_one_thread

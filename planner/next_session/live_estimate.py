@@ -16,6 +16,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.units import Array, read_only
+from planner.design.assumptions import SIZE_DOUBT
 from planner.design.expected_errors import ExpectedErrors
 from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
 from planner.design.learnt_foresight import LearntForesight
@@ -262,8 +263,7 @@ def families(unknown: ExpectedErrors) -> Families:
     number = np.append(number, len(distinct) + family[len(names) :])
     shapes = unknown.catalogued if isinstance(unknown, UnnamedErrors) else np.zeros(0, dtype=bool)
     acts = np.append([MOSTLY if n in effects else ALWAYS for n in distinct], np.where(shapes, AT_TIMES, HARDLY_EVER))
-    # 0.3: of 60 arms drawn 19 of 20 are below the limit that this gives
-    return Families(number, np.arange(len(acts)) == 0, acts, 0.3)
+    return Families(number, np.arange(len(acts)) == 0, acts, SIZE_DOUBT)
 
 
 def mean_errors(unknown: ExpectedErrors) -> Array:

@@ -104,6 +104,7 @@ class RemainingErrors:
     untraced_label: ClassVar[str] = "before this session"
     before_label: ClassVar[str] = "as stated by the runs so far"
     condition: ClassVar[str] = ""
+    doubt: ClassVar[float] = 0.0  # the runs so far have taught the sizes
 
     @classmethod
     def of(

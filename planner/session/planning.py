@@ -29,6 +29,7 @@ from planner.design.off_grid import certify_off_grid
 from planner.design.pose_selection import PoseChoice, replace_pose
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_curves import BackgroundCurve
+from planner.design.unnamed_errors import identified_errors
 from planner.programs.verification import shared_notes
 from planner.session.cell_checks import settle_dialects
 from planner.session.neutral_program import assemble_programs, jog_checks, session_program, write_programs
@@ -174,9 +175,11 @@ class PoseSession(ABC):
         if expected:
             notes.append(Aside(f"the poses were chosen by the expected error, not by {choice.index}"))
             minutes = session_minutes(cell, drives, len(choice.q))
-            forecast = expected.with_driven_poses(choice.samples, minutes)
+            left = identified_errors(expected.unknown, cell, choice.samples)
+            forecast = expected.with_driven_poses(choice.samples, minutes, left)
         elif any(v.role == "calibrate" for d in drives for v in d.visits) and not self.chooser:
-            forecast = ErrorForecast.of(undeclared_errors(cell, choice.samples), choice.samples)
+            unknown = undeclared_errors(cell, choice.samples)
+            forecast = ErrorForecast.of(identified_errors(unknown, cell, choice.samples), choice.samples)
         return Plan(
             cell=cell,
             seed=self.options.seed,

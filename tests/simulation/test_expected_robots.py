@@ -93,7 +93,7 @@ def trials(name):
         with few_draws():
             found = identify(run, plan=planned).calibration
         truth = draw_expected_truth(planned.plan.cell, seed, run.samples)
-        within += true_error(planned.plan.cell, truth, found.released.fit, run) <= forecast.at_most
+        within += true_error(planned.plan.cell, truth, found.released.fit, found.run) <= forecast.at_most
     return within
 
 
