@@ -35,8 +35,12 @@ def describe_forecast(expected: ErrorForecast) -> str:
     proof = ""
     if isinstance(expected, BayesianDesign):
         on_grid, bound = (f"{float(to_mm(v)):.3f} mm" for v in (expected.on_grid, expected.bound))
-        moved = "" if on_grid == f"{left} mm" else f" (those chosen among them {on_grid}, before they were moved)"
-        proof = f"; no {len(expected.chosen)} candidates leave less than {bound}{moved}"
+        n = len(expected.chosen)
+        if expected.unknown.doubt:
+            proof = f"; with sizes that are known they would leave {on_grid}, and no {n} candidates less than {bound}"
+        else:
+            moved = "" if on_grid == f"{left} mm" else f" (those chosen among them {on_grid}, before they were moved)"
+            proof = f"; no {n} candidates leave less than {bound}{moved}"
     return f"{expected.unknown.describe(expected.left, left, at_most)}{proof}{expected.unknown.condition}"
 
 
