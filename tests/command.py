@@ -37,7 +37,7 @@ def edbb(*words, threads=None, cwd=None, **env):
     done = subprocess.run(
         [sys.executable, "-m", "planner.cli", *arguments],
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         cwd=cwd,
         check=False,
         **(with_threads(threads) if threads else {"env": {**os.environ, "OMP_NUM_THREADS": "1", **env}}),

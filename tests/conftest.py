@@ -4,6 +4,8 @@ import gc
 import os
 import sys
 import time
+from functools import partialmethod
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +17,9 @@ leave_out_pictures()
 keep_to_one(os.environ.get("PYTEST_XDIST_WORKER", ""))  # before numpy is imported
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # hundreds of processes are started: compiled once, not in each
 sys.dont_write_bytecode = False
+if sys.platform == "win32":  # tests write the same bytes as elsewhere; CR LF and cp1252 have tests of their own
+    Path.write_text = partialmethod(Path.write_text, encoding="utf-8", newline="\n")
+    Path.read_text = partialmethod(Path.read_text, encoding="utf-8")
 gc.set_threshold(20_000, 20, 50)  # all that is imported here is not looked through for garbage again and again
 
 TOGETHER = (

@@ -51,7 +51,7 @@ def edbb_without(*words, cwd=None, env=None, flags=(), text=True):
     return subprocess.run(
         [sys.executable, *flags, "-c", code, *map(str, words)],
         capture_output=True,
-        text=text,
+        encoding="utf-8" if text else None,
         cwd=cwd,
         env=env,
         check=False,

@@ -113,7 +113,7 @@ def add_entry(
     _require_same_robot(results / name, document, serial, record, known)
     content = read_bytes(results / name)
     if any(has_hash(content, e.file.document_sha256) for e in known.valid_entries):
-        raise InputError(f"{results / name} is in the record already")
+        raise InputError(f"{results / name} is in the record already; without --add the record is shown")
     _require_day(circumstances.date, kind, known, baseline)
     _require_same_model(results / ROBOT, record, known)
     entry = EntryFile(

@@ -39,7 +39,7 @@ def writing_error(path: Path, err: Exception) -> InputError:
     because = getattr(err, "strerror", None) or err
     if isinstance(err, OSError) and is_open_elsewhere(err):
         return InputError(
-            f"{short_path(path)}: another program has it open ({because}), so nothing was changed; "
+            f"{short_path(path)}: another program has it open ({because}), so it was not replaced; "
             "close it there and run the command again"
         )
     return InputError(f"{short_path(path)}: cannot be written ({because})")

@@ -41,24 +41,29 @@ def process_exists(pid: int) -> bool:
         return True
 
 
-def start_in_own_group(command: list[str], **options: Any) -> "subprocess.Popen[bytes]":
+class Group(subprocess.Popen[bytes]):
+    """A program with all that it starts; ``job``: the handle of both on Windows."""
+
+    job: Any = None
+
+
+def start_in_own_group(command: list[str], **options: Any) -> Group:
     """Start a program that :func:`kill_group` ends together with all that it has started."""
     if sys.platform == "win32":
-        return subprocess.Popen(command, creationflags=subprocess.CREATE_NEW_PROCESS_GROUP, **options)
+        process = Group(command, creationflags=subprocess.CREATE_NEW_PROCESS_GROUP, **options)
+        process.job = _kernel32().CreateJobObjectW(None, None)
+        _kernel32().AssignProcessToJobObject(process.job, int(process._handle))
+        return process
     else:
-        return subprocess.Popen(command, start_new_session=True, **options)
+        return Group(command, start_new_session=True, **options)
 
 
-def kill_group(process: "subprocess.Popen[bytes]") -> None:
-    """End a program of :func:`start_in_own_group` and what it has started, at once.
-
-    On Windows what it has started is found as long as the program itself lives.
-    """
+def kill_group(process: Group) -> None:
+    """End a program of :func:`start_in_own_group` and what it has started, at once."""
     if sys.platform == "win32":
-        if process.poll() is None:
-            subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False)
-            with suppress(OSError):
-                process.kill()
+        _kernel32().TerminateJobObject(process.job, 1)
+        with suppress(OSError):
+            process.kill()
     else:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -235,8 +240,11 @@ def _kernel32() -> Any:
     """The functions of Windows; a handle of it is as wide as a pointer."""
     if sys.platform == "win32":
         kernel = ctypes.WinDLL("kernel32", use_last_error=True)
-        kernel.OpenProcess.restype = kernel.GetCurrentProcess.restype = ctypes.c_void_p
-        for name in ("WaitForSingleObject", "CloseHandle", "SetPriorityClass"):
-            getattr(kernel, name).argtypes = [ctypes.c_void_p, ctypes.c_uint32][: 1 if name == "CloseHandle" else 2]
+        handle, number = ctypes.c_void_p, ctypes.c_uint32
+        for name in ("OpenProcess", "GetCurrentProcess", "CreateJobObjectW"):
+            getattr(kernel, name).restype = handle
+        for name in ("WaitForSingleObject", "SetPriorityClass", "TerminateJobObject"):
+            getattr(kernel, name).argtypes = [handle, number]
+        kernel.CloseHandle.argtypes, kernel.AssignProcessToJobObject.argtypes = [handle], [handle, handle]
         return kernel
     raise OSError("no Windows")

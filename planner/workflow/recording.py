@@ -11,6 +11,7 @@ from typing import Any
 from planner.checks.opcua import map_to_opcua
 from planner.checks.record import Circumstances, RobotRecord, Withdrawal
 from planner.checks.record_changes import add_entry, withdraw_entry
+from planner.common.console import as_word
 from planner.common.errors import InputError
 from planner.common.files import document_text, write_text
 from planner.common.result import FolderResult, simulated_section
@@ -20,10 +21,29 @@ from planner.common.summary import Summary
 
 @dataclass(frozen=True)
 class RecordResult(FolderResult):
-    """The record of a robot."""
+    """The record of a robot.
+
+    Attributes:
+        changed: the folder of the record, where an entry was added or withdrawn just now.
+    """
 
     main_file = "history.json"
     record: RobotRecord
+    changed: Path | None = None
+
+    def write(self, folder: Path | str, force: bool = False) -> list[Path]:
+        """Write the history into a folder.
+
+        Raises:
+            InputError: it cannot be written; if the record was changed, how to show it.
+        """
+        try:
+            return super().write(folder, force)
+        except InputError as err:
+            if self.changed is None:
+                raise
+            show = f"edbb record {as_word(self.changed)} -o {as_word(folder)}"
+            raise InputError(f"{err}. The record itself was changed; show it with {show}") from err
 
     def overview(self) -> Summary:
         """Return the history in lines."""
@@ -112,8 +132,9 @@ def record(
         if add is not None:
             raise InputError("name a folder to add, or an entry to withdraw, not both")
         said = {"reason": reason, "by": circumstances.operator if circumstances else "", "date": date.today()}
-        return RecordResult(withdraw_entry(Path(folder), withdraw, validate(said, Withdrawal, "the withdrawal")))
+        withdrawal = validate(said, Withdrawal, "the withdrawal")
+        return RecordResult(withdraw_entry(Path(folder), withdraw, withdrawal), Path(folder))
     if add is not None:
         when = circumstances or Circumstances(date=date.today())
-        return RecordResult(add_entry(Path(folder), Path(add), when, serial))
+        return RecordResult(add_entry(Path(folder), Path(add), when, serial), Path(folder))
     return RecordResult(RobotRecord.read(Path(folder)))

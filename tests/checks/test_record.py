@@ -21,6 +21,9 @@ from planner.workflow.fleet_robots import read_robot
 from tests.checks.fleet import NAME
 from tests.checks.test_evaluation import judged
 from tests.command import edbb
+from tests.common.test_exchange import tree, windows
+
+FIXTURES = (windows,)
 
 
 def calibration(theta3, robot=NAME):
@@ -194,6 +197,23 @@ def test_the_command_shows_it(record):
     said = json.loads(done.stdout)
     assert (said["serial"], said["next_check"], len(said["entries"])) == ("S1", "2024-05-01", 4)
     assert edbb("record", record, "--add", record, "--date", "tomorrow").returncode == 2
+
+
+def test_an_entry_whose_page_is_open_elsewhere_is_added_and_the_command_that_shows_it_is_named(
+    record, tmp_path, windows
+):
+    out, another = tmp_path / "his tory", results(tmp_path / "5", "identification.json", calibration(0.05))
+    assert edbb("record", record, "-o", out).returncode == 0
+    windows.open_file = out / "report.html"
+    before = tree(out)
+    done = edbb("record", record, "--add", another, "--date", "2024-06-01", "-o", out)
+    assert done.returncode == 2
+    assert "report.html: another program has it open" in done.screen.replace("\n", " ")
+    assert tree(out) == before
+    windows.open_file = None
+    words = shlex.split(done.screen.replace("\n", " ").partition("show it with edbb ")[2])
+    assert edbb(*words).returncode == 0
+    assert len(json.loads((out / "history.json").read_text())["entries"]) == 5
 
 
 def with_windows_line_ends(folder):

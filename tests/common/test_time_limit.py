@@ -8,6 +8,7 @@ from planner.common.errors import NoSolutionError
 from planner.common.progress import UNLIMITED, Stages, TimeLimit
 from planner.design.selection.index_search import exchange_poses
 from planner.motion.path.constraints import Constraints
+from tests.not_everywhere import require_planning
 
 
 def test_a_share_that_is_over_is_noted_once() -> None:
@@ -41,6 +42,7 @@ def test_a_search_that_is_cut_keeps_a_bound_that_holds() -> None:
 
 
 def test_no_motion_counts_as_proven_once_time_is_over() -> None:
+    require_planning()
     free = Constraints(load_cell("ur10/edbb"), bar=False)
     home = free.cell.home[None]
     assert free.prove(home, home).proven.all()

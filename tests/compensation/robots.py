@@ -1,6 +1,7 @@
-"""Robots with errors: ours through the chain, and the same once more through pinocchio."""
+"""Robots with errors: ours through the chain, and the same once more by multiplying matrices, or pinocchio's."""
 
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -8,7 +9,6 @@ import tests.programs.sessions as sessions
 from planner.kinematics.chain import Chain
 from planner.kinematics.robot import Robot, elementary_placement
 from planner.kinematics.robot_reader import load_robot
-from planner.motion.collision.engines import pin_model
 from planner.programs.dialect import load_dialect
 from tests.not_everywhere import pin
 
@@ -43,28 +43,50 @@ def exact(robot):
     return BentRobot(robot, np.zeros(len(robot.transforms)))
 
 
+def flange_pose(bent_robot, q):
+    """Pose (4, 4) of the flange at one posture (n,), by multiplying the placements."""
+    return reduce(np.matmul, _placements(bent_robot, q))
+
+
 def pin_flange(bent_robot, q):
-    """One pose, (4, 4), by multiplying pinocchio's own placements."""
+    """The same by pinocchio."""
+    T = pin.SE3.Identity()
+    for placement in _placements(bent_robot, q):
+        T = T * pin.SE3(placement)
+    return T.homogeneous
+
+
+def _placements(bent_robot, q):
     robot = bent_robot.robot
     theta, delta = robot.theta(q[None])[0], bent_robot.values(q[None])
-    T = pin.SE3.Identity()
-    for t, d in zip(robot.transforms, delta, strict=True):
-        T = T * pin.SE3(elementary_placement(t, t.nominal + d[0] + (0.0 if t.joint is None else theta[t.joint])))
-    return T.homogeneous
+    return [
+        elementary_placement(t, t.nominal + d[0] + (0.0 if t.joint is None else theta[t.joint]))
+        for t, d in zip(robot.transforms, delta, strict=True)
+    ]
 
 
 def regular_angles(robot, n, seed=0, margin=0.05):
     """Random angles away from limits and from singular positions of arm and wrist (six joints)."""
     rng = np.random.default_rng(seed)
     low, up = np.maximum(robot.q_lower, -np.pi) + margin, np.minimum(robot.q_upper, np.pi) - margin
-    model = pin_model(robot)[0]
-    data, kept = model.createData(), []
+    kept = []
     while len(kept) < n:
         q = rng.uniform(low, up)
-        J = pin.computeJointJacobians(model, data, robot.theta(q[None])[0])
-        if np.linalg.cond(J) < 40.0:
+        if np.linalg.cond(_screws(robot, q)) < 40.0:
             kept.append(q)
     return np.array(kept)
+
+
+def _screws(robot, q):
+    """Motion (6, n) of the flange's frame, as seen at the base, by each joint alone."""
+    T, screws = np.eye(4), []
+    for t, placement in zip(robot.transforms, _placements(exact(robot), q), strict=True):
+        if t.joint is not None:
+            along = T[:3, t.axis]
+            turns = t.kind == "rotation"
+            screws.append(np.append(np.cross(T[:3, 3], along), along) if turns else np.append(along, np.zeros(3)))
+        T = T @ placement
+    return np.transpose(screws)
 
 
 def unlimited(robot):

@@ -16,7 +16,7 @@ from planner.kinematics.robot_reader import load_robot
 from planner.programs.controller_axes import in_controller_axes
 from planner.programs.dialect import load_dialect
 from planner.programs.verification import read_texts, write_and_read_back
-from tests.compensation.robots import BentRobot, bent, exact, half_pulse_deg, pin_flange, regular_angles
+from tests.compensation.robots import BentRobot, bent, exact, flange_pose, half_pulse_deg, regular_angles
 from tests.compensation.test_cartesian import krl, rapid
 from tests.kinematics.test_axes import ARMS, makers_joints
 from tests.programs import sessions
@@ -102,7 +102,7 @@ def test_every_language_is_corrected_in_axes_with_sense_zero_and_coupling(name, 
     assert (np.abs(as_the_pendant_shows(q_deg[0]) - said[0]) <= 1.02 * dialect.resolution_deg(per_deg)).all()
     printed = np.deg2rad(half_pulse_deg(name, per_deg)).sum()  # a metre from every axis
     for corrected, written in zip(found.joint_path_deg, said, strict=True):
-        stands, wanted = pin_flange(real, by_hand(corrected)), pin_flange(exact(robot), by_hand(written))
+        stands, wanted = flange_pose(real, by_hand(corrected)), flange_pose(exact(robot), by_hand(written))
         assert np.abs(stands - wanted).max() < 5e-6 + printed
 
 

@@ -12,7 +12,7 @@ from planner.compensation.compensated_file import compensate_file
 from planner.compensation.compensated_program import compensate_program
 from planner.compensation.targets import ToolAndBase
 from planner.kinematics.robot import elementary_placement
-from tests.compensation.robots import bent, exact, pin_flange, regular_angles
+from tests.compensation.robots import bent, exact, flange_pose, regular_angles
 from tests.not_everywhere import pin
 
 TOOL = np.array([30.0, -20.0, 180.0, 10.0, -35.0, 90.0])  # X Y Z [mm] A B C [deg]
@@ -39,14 +39,14 @@ def kuka_status(robot, q):
 
 
 def wrist_of(robot, q):
-    T = pin_flange(exact(robot), q)
+    T = flange_pose(exact(robot), q)
     return T[:3, 3] - 0.080 * T[:3, 2]
 
 
 def controller(robot, T, near):
     """Angles at which the nominal robot stands at T, by a general least-squares solver."""
     fit = least_squares(
-        lambda q: (pin_flange(exact(robot), q) - T)[:3].ravel(), near, xtol=1e-15, ftol=1e-15, gtol=1e-15
+        lambda q: (flange_pose(exact(robot), q) - T)[:3].ravel(), near, xtol=1e-15, ftol=1e-15, gtol=1e-15
     )
     assert np.abs(fit.fun).max() < 1e-9
     return fit.x
@@ -55,7 +55,7 @@ def controller(robot, T, near):
 def krl(robot, q, word="PTP", with_status=True):
     lines = ["&ACCESS RVP", "DEF PART ( )", "$TOOL=" + frame_text(TOOL), f"$BASE={frame_text(BASE)}"]
     for row in q:
-        pose = abc_of(np.linalg.inv(matrix(BASE)) @ pin_flange(exact(robot), row) @ matrix(TOOL))
+        pose = abc_of(np.linalg.inv(matrix(BASE)) @ flange_pose(exact(robot), row) @ matrix(TOOL))
         numbers = ",".join(f"{k} {v:.9f}" for k, v in zip("XYZABC", pose, strict=True))
         status = f",S {kuka_status(robot, row)},T {int((row < 0) @ (1 << np.arange(6)))}" if with_status else ""
         lines.append(f"{word} {{{numbers}{status},E1 0.0}} ; a point {{X 1}}")
@@ -82,8 +82,8 @@ def closes(robot, real, wanted, text, tolerance=1e-6):
 def closes_at(robot, real, wanted, flanges, tolerance=1e-6):
     """A controller drives the flange of the nominal robot to the poses, and the real one stands as was wanted."""
     for row, T in zip(wanted, flanges, strict=True):
-        stands = pin_flange(real, controller(robot, T, row))
-        assert np.abs(stands - pin_flange(exact(robot), row)).max() < tolerance
+        stands = flange_pose(real, controller(robot, T, row))
+        assert np.abs(stands - flange_pose(exact(robot), row)).max() < tolerance
 
 
 def test_krl_poses_with_status_and_turn(kuka, tmp_path):
@@ -113,7 +113,7 @@ def test_krl_joint_angles_are_found_from_status_and_turn(kuka, tmp_path):
     text = compensate_file(path, robot, real).text
     for line, pose in zip(re.findall(r"PTP \{(.*)\}", text), by_pose, strict=True):
         row = np.radians([float(c.split()[1]) for c in line.split(",")])
-        T = np.linalg.inv(matrix(BASE)) @ pin_flange(exact(robot), row) @ matrix(TOOL)
+        T = np.linalg.inv(matrix(BASE)) @ flange_pose(exact(robot), row) @ matrix(TOOL)
         np.testing.assert_allclose(matrix(pose), T, atol=1e-6)
 
 
@@ -203,7 +203,7 @@ def rapid(robot, q):
     lines.append(f'  PERS wobjdata wTable:=[FALSE,TRUE,"",{pose_text(base)},[[0,0,0],[1,0,0,0]]];')
     moves = []
     for k, row in enumerate(q):
-        T = np.linalg.inv(base) @ pin_flange(exact(robot), row) @ tool
+        T = np.linalg.inv(base) @ flange_pose(exact(robot), row) @ tool
         quarters = [int(np.floor(row[j] / (np.pi / 2))) for j in (0, 3, 5)]
         behind = stretched_side(robot, row) < 0
         conf = [*quarters, 2 * int(behind) + int(row[4] < 0)]
@@ -221,7 +221,7 @@ def stretched_side(robot, row):
 
     def side(angles):
         p = [pin_flange_of_axis(robot, angles, j) for j in (1, 2)]
-        wrist = pin_flange(exact(robot), angles)
+        wrist = flange_pose(exact(robot), angles)
         wrist = wrist[:3, 3] - 0.072 * wrist[:3, 2]
         return np.cross(p[1][:3, 3] - p[0][:3, 3], wrist - p[1][:3, 3]) @ p[1][:3, 2]
 
@@ -262,13 +262,13 @@ def test_rapid_robtargets_with_confdata(tmp_path):
         T[:3, :3] = Rotation.from_quat([qx, qy, qz, qw]).as_matrix()
         T[:3, 3] = np.array([x, y, z]) * 1e-3
         flange = matrix(BASE) @ T @ np.linalg.inv(matrix(TOOL))
-        stands = pin_flange(real, controller(robot, flange, row))
-        assert np.abs(stands - pin_flange(exact(robot), row)).max() < 1e-6
+        stands = flange_pose(real, controller(robot, flange, row))
+        assert np.abs(stands - flange_pose(exact(robot), row)).max() < 1e-6
     assert done.text.count("! taught") == len(q) // 2
 
 
 def wrist_abb(robot, q):
-    T = pin_flange(exact(robot), q)
+    T = flange_pose(exact(robot), q)
     return T[:3, 3] - 0.072 * T[:3, 2]
 
 
@@ -278,7 +278,7 @@ def test_a_table_of_poses_with_angles_to_start_from(tmp_path):
     rng = np.random.default_rng(0)
     rows = ["# wanted;x", "name,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg," + ",".join(f"q{i}_deg" for i in range(1, 7))]
     for k, row in enumerate(q):
-        numbers = [*abc_of(pin_flange(exact(robot), row)), *np.degrees(row + rng.normal(0, 0.01, 6))]
+        numbers = [*abc_of(flange_pose(exact(robot), row)), *np.degrees(row + rng.normal(0, 0.01, 6))]
         rows.append(f"p{k}," + ",".join(f"{v:.9f}" for v in numbers))
     path = tmp_path / "targets.csv"
     path.write_text("\n".join(rows))
@@ -287,4 +287,4 @@ def test_a_table_of_poses_with_angles_to_start_from(tmp_path):
         values = np.array([float(v) for v in line.split(",")[1:]])
         found = controller(robot, matrix(values[:6]), row)
         np.testing.assert_allclose(found, np.radians(values[6:]), atol=1e-6)
-        assert np.abs(pin_flange(real, found) - pin_flange(exact(robot), row)).max() < 1e-6
+        assert np.abs(flange_pose(real, found) - flange_pose(exact(robot), row)).max() < 1e-6

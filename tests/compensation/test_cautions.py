@@ -9,7 +9,7 @@ import pytest
 from planner.common.errors import InputError, NoSolutionError
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.targets import ToolAndBase
-from tests.compensation.robots import exact, pin_flange, regular_angles
+from tests.compensation.robots import exact, flange_pose, regular_angles
 from tests.compensation.test_cartesian import BASE, TOOL, frame_text, krl, matrix, poses_in
 
 
@@ -31,7 +31,7 @@ def test_joints_that_move_far_for_a_small_correction_are_named(kuka, tmp_path):
     joint, by, millimetres = re.search(r"joint (\d) moves by (\S+)° for a correction of (\S+) mm", sentence).groups()
     assert line == 3
     assert float(by) == pytest.approx(moved[1, int(joint) - 1], abs=0.06)
-    shift = pin_flange(exact(robot), np.radians(printed[1])) - pin_flange(exact(robot), q[1])
+    shift = flange_pose(exact(robot), np.radians(printed[1])) - flange_pose(exact(robot), q[1])
     assert float(millimetres) == pytest.approx(np.linalg.norm(shift[:3, 3]) * 1e3, abs=0.006)
     assert "t.csv:3: joint" in done.summary
 

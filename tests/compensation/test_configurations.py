@@ -7,7 +7,7 @@ import pytest
 
 from planner.compensation.compensated_file import compensate_file
 from planner.kinematics.robot_reader import load_robot
-from tests.compensation.robots import BentRobot, bent, exact, pin_flange
+from tests.compensation.robots import BentRobot, bent, exact, flange_pose
 from tests.compensation.test_cartesian import abc_of, frame_text, kuka_status, rapid
 
 NO_FRAMES = f"$TOOL={frame_text(np.zeros(6))}\n$BASE={frame_text(np.zeros(6))}\n"
@@ -29,7 +29,7 @@ def krl_homes(robot, homes, turns=None):
     rows = []
     for k, home in enumerate(homes):
         q = np.radians(home)
-        x = abc_of(pin_flange(exact(robot), q))
+        x = abc_of(flange_pose(exact(robot), q))
         numbers = ",".join(f"{c} {v:.3f}" for c, v in zip("XYZABC", x, strict=True))
         rows.append(f"PTP {{{numbers},S {kuka_status(robot, q)},T {signs(home) if turns is None else turns[k]}}}\n")
     return f"DEF P ( )\n{NO_FRAMES}{''.join(rows)}END\n"

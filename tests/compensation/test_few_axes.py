@@ -14,7 +14,7 @@ from planner.compensation.compensated_file import compensate_file
 from planner.compensation.correction import NominalFlange, correct_joints, move_limit, near_singular
 from planner.compensation.few_axes import TurnWeights
 from planner.kinematics.robot_reader import load_robot
-from tests.compensation.robots import BentRobot, exact, pin_flange
+from tests.compensation.robots import BentRobot, exact, flange_pose
 
 RX150 = str(Path(__file__).parent / "arms" / "rx150.urdf")
 ZERO, TWIST, LENGTH = np.deg2rad(2.0), np.deg2rad(0.5), 1e-3  # of printed arms: zeros, other angles [rad], lengths [m]
@@ -41,9 +41,9 @@ def test_nearly_all_reachable_targets_come_nearer(name, seed):
     robot, real = arm(name, seed)
     q = reached(robot, 80, seed)
     done = correct_joints(robot, NominalFlange(robot), real, q)
-    wanted = [pin_flange(exact(robot), v)[:3, 3] for v in q]
+    wanted = [flange_pose(exact(robot), v)[:3, 3] for v in q]
     before, after = (
-        np.array([np.linalg.norm(pin_flange(real, v)[:3, 3] - x) for v, x in zip(angles, wanted, strict=True)])
+        np.array([np.linalg.norm(flange_pose(real, v)[:3, 3] - x) for v, x in zip(angles, wanted, strict=True)])
         for angles in (q, done.q)
     )
     np.testing.assert_allclose(done.after.distance, after, atol=1e-9)
@@ -56,9 +56,9 @@ def test_beside_its_first_axis_the_arm_comes_as_near_as_its_joints_may_move():
     robot, real = arm(RX150, 1)
     q = reached(robot, 100, 1)[[37, 44, 93, 95]]  # would ask joint 1 for 20 to 60 degrees
     done = correct_joints(robot, NominalFlange(robot), real, q)
-    wanted = [pin_flange(exact(robot), v)[:3, 3] for v in q]
+    wanted = [flange_pose(exact(robot), v)[:3, 3] for v in q]
     before, after = (
-        np.array([np.linalg.norm(pin_flange(real, v)[:3, 3] - x) for v, x in zip(angles, wanted, strict=True)])
+        np.array([np.linalg.norm(flange_pose(real, v)[:3, 3] - x) for v, x in zip(angles, wanted, strict=True)])
         for angles in (q, done.q)
     )
     assert (np.abs(done.moved).max(axis=1) <= move_limit(robot)).all()
@@ -73,15 +73,15 @@ def test_what_is_left_of_the_turn_is_the_least_that_the_place_allows():
     done = correct_joints(robot, NominalFlange(robot), real, q, weights=weights)
 
     def cost(angles, wanted):
-        turn = Rotation.from_matrix(wanted[:3, :3].T @ pin_flange(real, angles)[:3, :3]).as_rotvec()
+        turn = Rotation.from_matrix(wanted[:3, :3].T @ flange_pose(real, angles)[:3, :3]).as_rotvec()
         return float(((weights.row * turn) ** 2).sum())
 
     for k, start in enumerate(q):
-        wanted = pin_flange(exact(robot), start)
-        place = {"type": "eq", "fun": lambda v, x=wanted: (pin_flange(real, v)[:3, 3] - x[:3, 3]) * 1e3}
+        wanted = flange_pose(exact(robot), start)
+        place = {"type": "eq", "fun": lambda v, x=wanted: (flange_pose(real, v)[:3, 3] - x[:3, 3]) * 1e3}
         peer = minimize(cost, start, (wanted,), "SLSQP", constraints=place, options={"ftol": 1e-14, "maxiter": 300})
         assert cost(done.q[k], wanted) == pytest.approx(peer.fun, rel=1e-3)
-        turn = Rotation.from_matrix(wanted[:3, :3].T @ pin_flange(real, done.q[k])[:3, :3]).as_rotvec()
+        turn = Rotation.from_matrix(wanted[:3, :3].T @ flange_pose(real, done.q[k])[:3, :3]).as_rotvec()
         assert done.after.tilt[k] == pytest.approx(np.hypot(turn[0], turn[1]), abs=1e-9)
         assert done.after.spin[k] == pytest.approx(abs(turn[2]), abs=1e-9)
 
@@ -105,7 +105,7 @@ def test_the_tool_point_is_what_comes_to_its_place():
     T_FT = np.eye(4)
     T_FT[:3, 3] = 0.02, 0.0, 0.06
     done = correct_joints(robot, NominalFlange(robot), real, q, T_FT[None])
-    wanted, stands = pin_flange(exact(robot), q[0]) @ T_FT, pin_flange(real, done.q[0]) @ T_FT
+    wanted, stands = flange_pose(exact(robot), q[0]) @ T_FT, flange_pose(real, done.q[0]) @ T_FT
     assert np.abs(wanted[:3, 3] - stands[:3, 3]).max() < 1e-8
 
 

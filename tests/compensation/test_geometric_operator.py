@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planner.compensation.targets import ToolAndBase
-from tests.compensation.robots import exact, pin_flange
+from tests.compensation.robots import exact, flange_pose
 from tests.compensation.test_cartesian import abc_of
 from tests.compensation.test_formats import krl
 from tests.compensation.test_partial import changed, pose, reasons, run
@@ -65,7 +65,7 @@ def test_a_product_is_the_base_that_its_own_numbers_are(name, kuka, tmp_path):
 
 
 def _flange_mm(robot):
-    T = np.array(pin_flange(exact(robot), np.radians(Q_DEG)))
+    T = np.array(flange_pose(exact(robot), np.radians(Q_DEG)))
     T[:3, 3] *= 1e3
     return T
 

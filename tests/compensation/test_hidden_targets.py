@@ -12,7 +12,7 @@ from planner.common.files import data_folder
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.targets import ToolAndBase
 from planner.workflow.compensation import compensate
-from tests.compensation.robots import exact, pin_flange
+from tests.compensation.robots import exact, flange_pose
 from tests.compensation.test_cartesian import abc_of
 from tests.compensation.test_formats import krl
 from tests.compensation.test_partial import FREE, GOOD, GOOD_RAPID, NULL, changed, pose, reasons, run, target
@@ -306,7 +306,7 @@ def test_pdl2_places_in_variables_are_named(abb, tmp_path):
 def test_a_table_of_poses_of_a_tool_that_nobody_names_is_left(length, abb, tmp_path):
     """The pose of a gripper, taken for the flange's, is solved with other angles than those beside it."""
     q = np.radians([10.0, 20.0, 10.0, 20.0, 40.0, 30.0])
-    T = pin_flange(exact(abb[0]), q)
+    T = flange_pose(exact(abb[0]), q)
     T[:3, 3] += length * T[:3, 2]
     head = "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg," + ",".join(f"q{i}_deg" for i in range(1, 7))
     text = f"{head}\n" + ",".join(f"{v:.6f}" for v in (*abc_of(T), *np.degrees(q))) + "\n"
@@ -326,7 +326,7 @@ def test_a_table_whose_named_tool_contradicts_the_joint_angles_beside_its_poses_
     q = np.radians([[10.0, 20.0, 10.0, 20.0, 40.0, 30.0], [15.0, 20.0, 10.0, 20.0, 40.0, 30.0]])
     gripper = np.eye(4)
     gripper[2, 3] = 0.2
-    T = [pin_flange(exact(abb[0]), row) @ gripper for row in q]
+    T = [flange_pose(exact(abb[0]), row) @ gripper for row in q]
     head = "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg," + ",".join(f"q{i}_deg" for i in range(1, 7))
     rows = [",".join(f"{v:.6f}" for v in (*abc_of(t), *np.degrees(row))) for t, row in zip(T, q, strict=True)]
     path = tmp_path / "t.csv"

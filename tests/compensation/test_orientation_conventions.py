@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from planner.common.errors import InputError
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.targets import ToolAndBase
-from tests.compensation.robots import bent, exact, pin_flange
+from tests.compensation.robots import bent, exact, flange_pose
 
 Q_DEG = [
     (10, -95, 100, -95, -90, 20),
@@ -66,7 +66,7 @@ def table(robot, columns, words, R_FT=None, sign=","):
     """Rows of joint angles, the place of the flange, and its orientation (turned by ``R_FT``) as ``words`` gives it."""
     rows = ["q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm," + columns]
     for q_deg in Q_DEG:
-        T = pin_flange(exact(robot), np.radians(q_deg))
+        T = flange_pose(exact(robot), np.radians(q_deg))
         R = Rotation.from_matrix(T[:3, :3] @ (np.eye(3) if R_FT is None else R_FT))
         numbers = [*q_deg, *T[:3, 3] * 1e3, *words(R)]
         rows.append(",".join(f"{v:.9f}" for v in numbers))

@@ -11,7 +11,7 @@ from planner.compensation.compensated_file import compensate_file
 from planner.compensation.targets import ToolAndBase
 from planner.kinematics.robot_reader import load_robot
 from tests.command import edbb
-from tests.compensation.robots import bent, exact, pin_flange, regular_angles
+from tests.compensation.robots import bent, exact, flange_pose, regular_angles
 from tests.compensation.test_cartesian import TOOL, abc_of, frame_text, kuka_status, pose_text
 from tests.compensation.test_formats import krl, without_head
 
@@ -23,7 +23,7 @@ GOOD = "PTP {A1 10,A2 -80,A3 100,A4 20,A5 40,A6 30}"
 
 def pose(robot, q_deg=(10, -80, 100, 20, 40, 30), status=True, plus=0):
     q = np.radians(q_deg)
-    numbers = ",".join(f"{k} {v:.5f}" for k, v in zip("XYZABC", abc_of(pin_flange(exact(robot), q)), strict=True))
+    numbers = ",".join(f"{k} {v:.5f}" for k, v in zip("XYZABC", abc_of(flange_pose(exact(robot), q)), strict=True))
     turn = int((q < 0) @ (1 << np.arange(6)))
     return f"{{{numbers},S {kuka_status(robot, q) + plus},T {turn}}}" if status else f"{{{numbers}}}"
 
@@ -32,7 +32,7 @@ def target(robot, q_deg=(10, 20, 10, 20, 40, 30), external="9E9"):
     q = np.radians(q_deg)
     conf = [int(np.floor(q[j] / (np.pi / 2))) for j in (0, 3, 5)]
     axes = ",".join([external, *["9E9"] * 5])
-    return f"{pose_text(pin_flange(exact(robot), q))[:-1]},[{conf[0]},{conf[1]},{conf[2]},0],[{axes}]]"
+    return f"{pose_text(flange_pose(exact(robot), q))[:-1]},[{conf[0]},{conf[1]},{conf[2]},0],[{axes}]]"
 
 
 def run(path, text, robot, **more):

@@ -11,7 +11,7 @@ from planner.common.files import data_folder
 from planner.kinematics.robot_hash import model_text_hash
 from planner.kinematics.robot_reader import load_robot
 from tests.command import edbb
-from tests.compensation.robots import exact, pin_flange
+from tests.compensation.robots import exact, flange_pose
 from tests.compensation.test_cartesian import abc_of
 
 NAME = "kuka-kr6-r700"
@@ -38,7 +38,7 @@ def poses(path, tool):
     """A table of the poses of a tool [mm] at the angles Q, by pinocchio."""
     rows = []
     for q in Q:
-        T = pin_flange(exact(load_robot(NAME)), q)
+        T = flange_pose(exact(load_robot(NAME)), q)
         T[:3, 3] += T[:3, :3] @ tool * 1e-3
         rows.append([*abc_of(T), *np.degrees(q)])
     np.savetxt(path, rows, "%.6f", ",", header=f"x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,{JOINTS}", comments="")

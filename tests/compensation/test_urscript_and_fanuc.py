@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner.compensation.compensated_file import compensate_file
-from tests.compensation.robots import bent, exact, pin_flange
+from tests.compensation.robots import bent, exact, flange_pose
 
 SCRIPT = """def part():
   movej([0.1, -1.2, 1.3, -0.4, -1.5, 0.6], a=1.4, v=1.05)
@@ -51,7 +51,7 @@ def test_the_real_robot_reaches_where_the_nominal_one_was_sent(name: str, text: 
     nominal, real = bent("ur10", seed=3)
     done = compensate_file(tmp_path / name, nominal, real)
     q = _angles(name, done.text)
-    wanted, reached, before = pin_flange(exact(nominal), TAUGHT), pin_flange(real, q), pin_flange(real, TAUGHT)
+    wanted, reached, before = flange_pose(exact(nominal), TAUGHT), flange_pose(real, q), flange_pose(real, TAUGHT)
     assert np.linalg.norm((before - wanted)[:3, 3]) > 5e-4
     assert np.linalg.norm((reached - wanted)[:3, 3]) < 2e-5
     assert done.report.kept  # the straight line to a Cartesian pose is told and left
@@ -65,4 +65,4 @@ def test_radians_stay_radians(tmp_path: Path) -> None:
     q = np.array([float(n) for n in re.findall(r"movej\(\[([-\d][^\]]*)\]", text)[0].split(",")])
     taught = np.array([0.1, -1.2, 1.3, -0.4, -1.5, 0.6])
     assert 0.0 < np.abs(q - taught).max() < 0.01
-    assert np.linalg.norm((pin_flange(real, q) - pin_flange(exact(nominal), taught))[:3, 3]) < 1e-6
+    assert np.linalg.norm((flange_pose(real, q) - flange_pose(exact(nominal), taught))[:3, 3]) < 1e-6

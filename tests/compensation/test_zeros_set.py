@@ -13,7 +13,7 @@ from planner.documents.zeros_set import set_zeros
 from planner.kinematics.robot import elementary_placement
 from planner.kinematics.robot_reader import load_robot
 from tests.command import edbb
-from tests.compensation.robots import exact, pin_flange, regular_angles
+from tests.compensation.robots import exact, flange_pose, regular_angles
 from tests.not_everywhere import pin
 
 Q = np.radians([[10, -80, 100, 20, 40, 30], [-20, -60, 80, 10, 50, -40], [35, -70, 60, -15, 60, 20]])
@@ -95,7 +95,7 @@ def test_a_robot_whose_zeros_are_set_stands_where_the_nominal_one_should(name, j
         new = np.radians(np.loadtxt(rows, delimiter=",", skiprows=1))
         robot = load_robot(name)
         found[how] = max(
-            np.linalg.norm((true_flange(name, b, left) - pin_flange(exact(robot), a))[:3, 3])
+            np.linalg.norm((true_flange(name, b, left) - flange_pose(exact(robot), a))[:3, 3])
             for a, b in zip(q, new, strict=True)
         )
         assert ("are set in the controller" in " ".join(done.stdout.replace("#", "").split())) == (how == "set")

@@ -18,9 +18,8 @@ from tests.command import edbb
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = {
-    p.relative_to(ROOT).as_posix(): p.read_text("utf-8") for p in (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
-}
+_PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
+PAGES = {p.relative_to(ROOT).as_posix(): p.read_text(encoding="utf-8") for p in _PAGES}
 TYPED = re.compile(r"^\$ (?:\w+=(?:\$\([^)]*\)|\S+) )*edbb (.+)$", re.MULTILINE)
 ON_A_SERVER = ("--server", "http://planner:8017")
 LINK = re.compile(r"\[(?:[^\[\]]|\[[^\]]*\])*\]\(([^)\s]+)\)")

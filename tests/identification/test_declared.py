@@ -28,6 +28,7 @@ from planner.simulation.simulated_run import simulate_run
 from planner.simulation.truth import draw_truth
 from planner.tracing.trace import trace
 from tests.identification.worlds import arm_of
+from tests.not_everywhere import require_planning
 from tests.simulation.generator.benches import BENCHES
 from tests.simulation.generator.kinds import Effect
 from tests.simulation.generator.truth import Noise, Truth
@@ -56,6 +57,7 @@ def as_identified():
 @cache
 def planned():
     """Model of the plan, and 24 poses (n, N) [rad] out of a small pool with their balls (n,)."""
+    require_planning()
     pool = draw_ball_candidates(cell(), 400)
     model, seen, rows = identify_candidates(cell(), pool)
     chosen = detmax(rows, 24, group=pool.ball)

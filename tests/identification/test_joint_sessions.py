@@ -4,6 +4,7 @@ The joint fit is held against a least squares written here (scipy, the generator
 predict of poses that neither saw.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -140,13 +141,13 @@ def test_what_does_not_belong_together_is_refused_in_one_sentence(tmp_path):
             identify([one.run, two.run], cell=cell, plan=plan)
         assert "\n" not in str(told.value)
 
-    refused("fixture 'B' is not in .*one/cell.toml", cell=[one.cell, one.cell])
+    refused(rf"fixture 'B' is not in {re.escape(str(one.cell))}", cell=[one.cell, one.cell])
     refused("--cell is given 3 times for 2 runs", cell=[one.cell] * 3)
     two.cell.write_text(two.cell.read_text().replace("kuka-kr6-r700", "ur10").replace("90, 0, 45", "-90, 0, 45"))
-    refused("was measured on 'kuka-kr6-r700', but .*two/cell.toml has the robot 'ur10'")
+    refused(rf"was measured on 'kuka-kr6-r700', but {re.escape(str(two.cell))} has the robot 'ur10'")
     text = two.run.read_text()
     two.run.write_text(text.replace("kuka-kr6-r700", "ur10"))
-    refused("has the robot 'ur10', but .*one/cell.toml has 'kuka-kr6-r700'")
+    refused(rf"has the robot 'ur10', but {re.escape(str(one.cell))} has 'kuka-kr6-r700'")
     two.cell.unlink()
     refused("no cell.toml lies beside it")
     with pytest.raises(InputError, match="given twice"):

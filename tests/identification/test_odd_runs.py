@@ -23,6 +23,7 @@ from planner.runs.joint_motion import looks_continuous
 from planner.runs.run import Samples
 from tests.cell.test_robots import urdf_text
 from tests.identification.worlds import world
+from tests.not_everywhere import require_planning
 
 
 @pytest.mark.parametrize("travel", [1e-3, 1e-2, 0.1])
@@ -94,6 +95,7 @@ def test_a_validation_run_without_the_column_of_an_effect_is_judged():
 
 
 def test_an_arm_of_ten_joints_is_read(tmp_path):
+    require_planning()
     path = tmp_path / "arm.urdf"
     path.write_text(urdf_text(["0 0 1", "0 1 0"] * 5))
     robot = load_robot(str(path), tip="tip")

@@ -11,9 +11,11 @@ from planner.fit.identifiable_parameters import choose_parameters
 from planner.fit.run_setup import setup_for_run
 from planner.simulation.simulated_run import simulate_run
 from planner.simulation.truth import draw_truth
+from tests.not_everywhere import require_planning
 
 
 def test_an_arm_by_urdf_with_a_bar_has_its_joint_zeros_fitted_that_the_plan_kept() -> None:
+    require_planning()
     cell = load_cell(str(Path(__file__).parents[2] / "examples" / "own_urdf.toml"))
     pool = draw_candidates(cell, 3000)
     planned, _, _ = identify_candidates(cell, pool)

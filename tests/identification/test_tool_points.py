@@ -6,7 +6,7 @@ import pytest
 from planner.documents.expected_error import ExpectedError
 from planner.kinematics.robot_reader import load_robot
 from tests.command import edbb
-from tests.compensation.robots import bent, exact, pin_flange
+from tests.compensation.robots import bent, exact, flange_pose
 from tests.identification.few_draws import few_draws
 
 POINTS_MM = {"1": (20.0, 0.0, 100.0), "2": (-60.0, 40.0, 130.0)}
@@ -69,7 +69,7 @@ def calibrated(tmp_path_factory):
     lines = [",".join(NAMES)]
     for k, q in enumerate(rng.uniform(-2.5, 2.5, (60, 6))):
         name = "12"[k % 2]
-        x = place(pin_flange(truth, q), POINTS_MM[name] + shift_mm[name]) * [-1, -1, 1] + [2500, 0, -400]
+        x = place(flange_pose(truth, q), POINTS_MM[name] + shift_mm[name]) * [-1, -1, 1] + [2500, 0, -400]
         x = x + rng.normal(0.0, 0.01, 3)
         lines.append(",".join([str(k + 1), *(f"{v:.6f}" for v in (*np.degrees(q), *x)), name]))
     (folder / "run.csv").write_text("\n".join(lines) + "\n")
@@ -106,8 +106,8 @@ def test_what_is_stated_of_both_points_is_as_large_as_the_truth(calibrated):
     written, known = read(folder)
     q = np.random.default_rng(7).uniform(-2.5, 2.5, (300, 6))
     for point in written.tool_points:
-        true = [place(pin_flange(truth, v), POINTS_MM[point.name] + shift_mm[point.name]) for v in q]
-        found = [place(pin_flange(exact(written), v), point.p_FM * 1e3) for v in q]
+        true = [place(flange_pose(truth, v), POINTS_MM[point.name] + shift_mm[point.name]) for v in q]
+        found = [place(flange_pose(exact(written), v), point.p_FM * 1e3) for v in q]
         off = rms_after_alignment(np.array(found), np.array(true))
         stated = float(np.sqrt((known.at(q, point.p_FM).released ** 2).mean())) * 1e3
         assert 0.5 < stated / off < 3.0, (point.name, stated, off)

@@ -21,6 +21,7 @@ from planner.runs.run import FIRST_MOUNTING, Mounting
 from planner.session.course import Waypoints, time_course
 from planner.session.plan_types import Drive, Plan, Visit, motion_signs
 from planner.session.tour_cost import tour_costs
+from tests.not_everywhere import require_planning
 
 PLAN_ID = "0123456789ab"
 FIXTURE = "A</script>"  # a name that would end a script, were it not escaped
@@ -29,6 +30,7 @@ NOTE = "a pose that no path could join was replaced <fixture A>"
 
 
 def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
+    require_planning()
     cell = load_cell("comau-nj130/edbb")
     cell = replace(cell, fixtures=(replace(cell.fixtures[0], name=FIXTURE),))
     pool = draw_candidates(cell, candidates)

@@ -65,9 +65,10 @@ def test_a_calibration(
 
 
 def test_every_kind_of_page_is_opened() -> None:
-    pages = {f.name for f in FOLDER.glob("*.html.j2") if '{% extends "base.html.j2" %}' in f.read_text("utf-8")}
+    texts = {f.name: f.read_text(encoding="utf-8") for f in FOLDER.glob("*.html.j2")}
+    pages = {name for name, text in texts.items() if '{% extends "base.html.j2" %}' in text}
     opened = re.compile(r"browser\.check_report\(.*#\s*(\S+\.html\.j2)")
-    seen = {name for f in TESTS.rglob("test_*.py") for name in opened.findall(f.read_text("utf-8"))}
+    seen = {name for f in TESTS.rglob("test_*.py") for name in opened.findall(f.read_text(encoding="utf-8"))}
     assert seen == pages
 
 

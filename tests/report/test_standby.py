@@ -21,6 +21,7 @@ def process(monkeypatch):
     assert drawing_process() is None
 
 
+@pytest.mark.posix
 def test_its_pictures_are_those_that_are_drawn_here_and_are_drawn_once(process):
     PAGE.draw_beside()
     again = replace(PAGE)

@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.cell.reading import load_cell, read_cell
 from planner.design.candidates.pool import draw_candidates
+from tests.not_everywhere import require_planning
 
 ROLES = ("mount", "calibrate", "calibrate", "validate", "calibrate", "repeat", "mount")
 
@@ -68,6 +69,7 @@ def wide_plan(folder, robot="kuka-kr6-r700", calibrate=60, validate=8, repeat=4,
 
     They come in rows of one posture turned about axis 1; ``mixed`` shuffles them: those kept out are of all kinds.
     """
+    require_planning()
     cell = cell_in(folder, robot, 1, changes)
     q = np.rad2deg(draw_candidates(cell, calibrate + validate + 1).q[: calibrate + validate + 1])
     q = np.random.default_rng(0).permutation(q) if mixed else q
