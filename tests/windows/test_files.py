@@ -42,11 +42,12 @@ SINGLE = {
         "--geometry", "-o", "calibrated",
     ),
     "check": (
-        "checked/report.html", "check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated", "-o", "checked",
+        "checked/report.html", "check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated",
+        "--limit-mm", "0.5", "-o", "checked",
     ),
-    "record": ("history/report.html", "record", "RECORD", "-o", "history"),
+    "record": ("history/report.html", "record", "RECORD", "--withdraw", "1", "--reason", "a trial", "-o", "history"),
 }  # fmt: skip
-"""A file that is held, and a command that would write it."""
+"""A file that is held, and a command that would write something else there."""
 DEVICES = ("aux.csv", "NUL", "con.csv", "com1.csv", "LPT9.csv", "ende.", "ende ", "sub/prn.csv", "a:b.csv")
 
 
@@ -79,10 +80,26 @@ def test_a_file_that_is_held_is_named_and_all_stays_as_it_was(wine, folder, verb
         assert code == 2, said
         assert held.rpartition("/")[2] in said.replace("\n", "")
         assert "Traceback" not in said
+        if verb == "record":  # the entry is withdrawn; what shows it is named
+            before |= {name: made for name, made in contents(folder).items() if name.startswith("RECORD")}
+            words = ("record", "RECORD", "-o", "history")
+            assert " ".join(words) in " ".join(said.split())
         assert contents(folder) == before
     finally:
         holder.communicate(b"\n", timeout=60)
     wine.edbb(*words, *force, cwd=folder, timeout=600)
+    assert force or contents(folder) != before
+
+
+def test_a_file_that_is_held_and_would_be_the_same_is_no_obstacle(wine, folder):
+    before = contents(folder)
+    holder = wine.start(wine.python, "-c", HOLD, folder / "history/report.html", stdin=subprocess.PIPE)
+    try:
+        assert b"open" in holder.stdout.readline()
+        wine.edbb("record", "RECORD", "-o", "history", cwd=folder)
+        assert contents(folder) == before
+    finally:
+        holder.communicate(b"\n", timeout=60)
 
 
 def test_names_of_devices_and_names_that_windows_changes_are_refused(wine, folder):

@@ -16,8 +16,9 @@ HASH = re.compile(r'"[0-9a-f]{8,}"|(?<![.\d])\b[0-9a-f]{12,}\b')
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 SAME_BYTES = ("run.csv", "calibrated/residuals.csv", "p.dat", "imported.csv", "history/history.csv")
 """What is written from the plan alone; elsewhere two libraries of linear algebra differ in the last digits."""
-WITHIN = 1e-4  # of each number, relative: identification.json
-NOTHING = 1e-5  # mm, deg and the like: parameters that the run does not tell are no zeros to the last digit
+WITHIN = 1e-4  # of each number of identification.json, relative
+OF_STD = 1e-3  # of its standard deviation: a value that the run does not determine is no zero to the last digit
+DIGITS = 1e-5  # relative, and mm or deg: two files of results
 
 
 def results(folder):
@@ -53,26 +54,49 @@ def test_results_are_those_of_linux(walked, name):
     there, here = (re.sub(HASH, "", (f / name).read_text(encoding="utf-8")) for f in walked)
     assert NUMBER.sub("", there) == NUMBER.sub("", here)
     theirs, ours = (np.array([float(n) for n in NUMBER.findall(text)]) for text in (there, here))
-    np.testing.assert_allclose(theirs, ours, rtol=WITHIN, atol=NOTHING)
+    np.testing.assert_allclose(theirs, ours, rtol=DIGITS, atol=DIGITS)
 
 
-def numbers(value, place=""):
-    """Numbers of a document with the place where each stands."""
-    if isinstance(value, dict):
-        return {k: v for key, part in value.items() for k, v in numbers(part, f"{place}.{key}").items()}
-    if isinstance(value, list):
-        return {k: v for n, part in enumerate(value) for k, v in numbers(part, f"{place}.{n}").items()}
-    return {place: float(value)} if isinstance(value, int | float) and not isinstance(value, bool) else {}
+def std_of(key, entry):
+    """Standard deviation of a value of an entry; 0 where it has none."""
+    name, _, unit = key.rpartition("_")
+    named = ["std"] if key == "value" else [f"std_{unit}", f"{name}_std_{unit}"]
+    return next((entry[n] for n in named if n in entry), 0.0)
+
+
+def differences(theirs, ours, place="", std=0.0):
+    """Places where two documents differ: texts, counts and verdicts in any way, numbers by more than they may."""
+    if isinstance(ours, dict) and isinstance(theirs, dict) and theirs.keys() == ours.keys():
+        for key in ours:
+            yield from differences(theirs[key], ours[key], f"{place}.{key}", std_of(key, ours))
+    elif isinstance(ours, list) and isinstance(theirs, list) and len(theirs) == len(ours):
+        stds = std if isinstance(std, list) else [std] * len(ours)
+        for n, parts in enumerate(zip(theirs, ours, stds, strict=True)):
+            yield from differences(*parts[:2], f"{place}.{n}", parts[2])
+    elif isinstance(ours, float) and isinstance(theirs, float):
+        if abs(theirs - ours) > max(WITHIN * abs(ours), OF_STD * std):
+            yield place, theirs, ours
+    elif theirs != ours:
+        yield place, theirs, ours
+
+
+def test_differences_are_found():
+    ours = {"n": 3, "parameters": [{"value": 0.0, "std": 0.1}], "frames": {"at_mm": [1.0, 2.0], "std_mm": [0.1, 0.0]}}
+    assert not list(differences(ours, ours))
+    for changed, place in (
+        ({"n": 4}, ".n"),
+        ({"parameters": [{"value": 2e-4, "std": 0.1}]}, ".parameters.0.value"),
+        ({"parameters": [{"value": 0.0, "std": 0.1001}]}, ".parameters.0.std"),
+        ({"frames": {"at_mm": [1.00009, 2.001], "std_mm": [0.1, 0.0]}}, ".frames.at_mm.1"),
+    ):
+        assert [found[0] for found in differences(ours | changed, ours)] == [place]
 
 
 def test_the_identification_is_that_of_linux(walked):
     theirs, ours = (
-        numbers(json.loads((folder / "calibrated" / "identification.json").read_text(encoding="utf-8")))
-        for folder in walked
+        json.loads((folder / "calibrated" / "identification.json").read_text(encoding="utf-8")) for folder in walked
     )
-    assert theirs.keys() == ours.keys()
-    off = {k: (theirs[k], ours[k]) for k in ours if abs(theirs[k] - ours[k]) > WITHIN * abs(ours[k]) + NOTHING}
-    assert not off
+    assert list(differences(theirs, ours)) == []
 
 
 class ComPort:
