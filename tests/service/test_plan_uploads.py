@@ -20,7 +20,7 @@ def test_the_folder_of_a_plan_is_sent_and_is_one_of_the_plans_from_then_on(servi
     (other / "notes.toml").write_text("")
     service.begin()
     page = open_page(browser, service, None, phone=False)
-    page.on("pageerror", faults.append)
+    page.on("pageerror", lambda fault: faults.append(fault))
     page.goto("/calibrate")
     page.set_input_files("#made-elsewhere", other)
     expect(page.locator("#plan-message")).to_have_text("this folder has no plan.json")

@@ -29,6 +29,7 @@ async function takePlan(files) {
   const known = [...plans.options].find((o) => o.value === job.id) ?? plans.appendChild(make("option", { value: job.id }, job.title));
   known.dataset.plan = plan_id;
   plans.value = job.id;
+  say(find("#plan-message"), "");
   find("#plan-message").replaceChildren("It is taken: ", make("a", { href: `${root}/jobs/${job.id}` }, "its page"), " has checklist and programs.");
 }
 
@@ -127,8 +128,8 @@ async function check() {
   find("#run-view").hidden = false;
 }
 
-async function attempt(work) {
-  try { await work(); } catch (problem) { say(message, problem.message, true); }
+async function attempt(work, place = message) {
+  try { await work(); } catch (problem) { say(place, problem.message, true); }
   sent.hidden = true;
 }
 
@@ -161,11 +162,11 @@ find("#own-files").addEventListener("change", (e) => attempt(async () => {
   own = e.target.files.length ? await ownCell([...e.target.files]) : null;
   say(find("#own-message"), own ? "It is taken for the cell." : "");
   await check();
-}));
+}, find("#own-message")));
 find("#made-elsewhere").addEventListener("change", (e) => attempt(async () => {
   if (e.target.files.length) await takePlan([...e.target.files]);
   await check();
-}));
+}, find("#plan-message")));
 find("#validation").addEventListener("change", (e) => attempt(async () => {
   validation = e.target.files.length ? await upload("runs", e.target.files[0]) : null;
   keep();
