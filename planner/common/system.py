@@ -51,8 +51,11 @@ def start_in_own_group(command: list[str], **options: Any) -> Group:
     """Start a program that :func:`kill_group` ends together with all that it has started."""
     if sys.platform == "win32":
         process = Group(command, creationflags=subprocess.CREATE_NEW_PROCESS_GROUP, **options)
-        process.job = _kernel32().CreateJobObjectW(None, None)
-        _kernel32().AssignProcessToJobObject(process.job, int(process._handle))
+        kernel = _kernel32()
+        process.job = kernel.CreateJobObjectW(None, None)
+        handle = kernel.OpenProcess(0x0101, False, process.pid)  # PROCESS_SET_QUOTA, PROCESS_TERMINATE
+        kernel.AssignProcessToJobObject(process.job, handle)
+        kernel.CloseHandle(handle)
         return process
     else:
         return Group(command, start_new_session=True, **options)
