@@ -12,7 +12,7 @@ from planner.compensation.compensated_file import compensate_file
 from planner.compensation.rotations import to_euler
 from planner.compensation.targets import ToolAndBase
 from planner.kinematics.robot import elementary_placement
-from tests.compensation.robots import bent, exact, pin_flange, regular_angles
+from tests.compensation.robots import bent, exact, flange_pose, regular_angles
 from tests.compensation.test_cartesian import BASE, TOOL, closes_at, matrix, wrist_of
 from tests.not_everywhere import pin
 from tests.speaking import speaking_all
@@ -47,7 +47,7 @@ def in_base(robot, row, tool, base):
     """The tool in its base, which stands in the maker's base frame."""
     shift = np.eye(4)
     shift[:3, 3] = np.array(BASE_MM) * 1e-3
-    return np.linalg.inv(shift @ base) @ pin_flange(exact(robot), row) @ tool
+    return np.linalg.inv(shift @ base) @ flange_pose(exact(robot), row) @ tool
 
 
 def elbow_is_up(robot, q):
