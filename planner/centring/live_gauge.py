@@ -119,9 +119,14 @@ class PoseLog:
         return tuple(p for p in self.plan.poses if p.role != "mount")
 
     def add(self, pose: int, t: float, length: float) -> None:
-        """Keep a reading; the run is written whole."""
+        """Keep a reading; the run is written whole.
+
+        Raises:
+            InputError: it cannot be written, and the reading is not kept.
+        """
+        grown = replace(self, rows=self.rows | {pose: (t, length)})
+        write_text(self.output, run_text(grown.run()), own=True)  # it was read, to go on with it
         self.rows[pose] = (t, length)
-        write_text(self.output, run_text(self.run()), own=True)  # it was read, to go on with it
 
     def is_readable(self, pose: int, length: float) -> bool:
         """Return whether the gauge can have read this length [m]: not pulled off, at a stop, or an error's number."""

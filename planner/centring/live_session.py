@@ -7,6 +7,7 @@ from typing import Literal, Protocol
 
 from planner.centring.assumptions import FAR_FROM_PLAN
 from planner.centring.live_gauge import PoseLog
+from planner.common.errors import InputError
 from planner.common.units import MM, to_mm
 from planner.session.document import PoseRecord
 
@@ -109,7 +110,8 @@ class MeasuringSession:
                 continue
             if answer.what == "keep":
                 yield self._keep(pose, answer.length, round(self.clock() - start, 3))
-            at, once_more = at + (once_more is None), None
+            is_done = answer.what == "skip" or pose.id in rows
+            at, once_more = at + (once_more is None and is_done), None
 
     def _number(self, pose: int) -> int:
         """Return which in the order of the plan the pose of this id is."""
@@ -170,7 +172,10 @@ class MeasuringSession:
         corrected = self.log.rows.get(pose.id)
         if corrected is not None and self.read is None:
             t = corrected[0]
-        self.log.add(pose.id, t, length)
+        try:
+            self.log.add(pose.id, t, length)
+        except InputError as err:  # another program has the run open, or the disk is full
+            return f"pose {pose.id}: not kept; read it again. {err}"
         off = length - (pose.length_mm or float(to_mm(length))) * MM
         far = (
             f", {float(to_mm(off)):+.1f} mm from the plan: is this the pose, and the zero set?"

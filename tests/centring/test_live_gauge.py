@@ -16,8 +16,10 @@ from planner.centring.stop import SilentError, UnsettledError
 from planner.common.errors import InputError
 from planner.runs.loader import load_run
 from planner.session.document import read_plan
+from tests.common.test_exchange import windows
 from tests.not_everywhere import tty
 
+FIXTURES = (windows,)
 LENGTHS = [401.5, 388.25, 455.0]
 
 
@@ -161,6 +163,21 @@ def test_a_person_types_what_the_gauge_shows_and_corrects_it(plan, tmp_path):
         {1: 0.4015, 2: 0.38825, 3: 0.45525}
     )
     assert (np.diff(run.samples.t) > 0).all()
+
+
+def test_a_reading_is_asked_for_again_while_another_program_has_the_run_open(plan, tmp_path, windows):
+    log, asked, answers = open_log(tmp_path / "run.csv", *plan), [], iter(["401.5", "388.25", "388.3", "q"])
+
+    def ask(text):
+        asked.append(text.partition(" of")[0])
+        windows.open_file = tmp_path / "run.csv" if len(asked) == 2 else None
+        return next(answers)
+
+    said = list(MeasuringSession(log, ask, iter(np.arange(0.0, 100.0, 2.5)).__next__).run())
+    assert asked == ["pose 1", "pose 2", "pose 2", "pose 3"]
+    assert "another program has it open" in said[1]
+    assert said[2] == "pose 2: 388.300 mm (2 of 3)"
+    assert load_run(tmp_path / "run.csv").readings.length * 1e3 == pytest.approx([401.5, 388.3])
 
 
 def test_a_pose_is_read_again_by_its_number_and_a_port_gives_it_a_new_time(plan, tmp_path):
