@@ -154,6 +154,10 @@ class WrittenShape:
     def of(cls, said: ArmShape, robot: Robot) -> "WrittenShape | str":
         """Return the shape for a robot, in the axes of its controller; or why it is not certain."""
         elbow = said.third_over
+        if said.unknown:
+            return (
+                f"no source says which shape of the arm is '{said.unknown}'; straight moves from known angles keep it"
+            )
         if said.elbow_up is not None and said.rear:
             return (
                 "the arm reaches over itself to the rear, and which elbow its maker then calls the upper is not known"

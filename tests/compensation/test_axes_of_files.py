@@ -20,6 +20,7 @@ from tests.compensation.robots import BentRobot, bent, exact, flange_pose, half_
 from tests.compensation.test_cartesian import krl, rapid
 from tests.kinematics.test_axes import ARMS, makers_joints
 from tests.programs import sessions
+from tests.programs.languages import targets_first
 from tests.programs.test_controller_axes import SENSE, UNLIMITED, ZERO, as_the_pendant_shows, convention
 
 NUMBER = re.compile(r"-?\d+\.\d+")
@@ -92,7 +93,8 @@ def test_every_language_is_corrected_in_axes_with_sense_zero_and_coupling(name, 
         ),
     )
     dialect, axes = load_dialect(name), convention(name)
-    files, _ = write_and_read_back(in_controller_axes(program, axes, dialect, UNLIMITED.speed), name, "a")
+    written, _ = write_and_read_back(in_controller_axes(program, axes, dialect, UNLIMITED.speed), name, "a")
+    files = targets_first(name, written)
     for file in files:
         (tmp_path / file.name).write_text(file.text)
     done = compensate_file(tmp_path / files[0].name, robot, real, dialect=name)

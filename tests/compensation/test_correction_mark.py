@@ -24,6 +24,7 @@ from tests.command import edbb
 from tests.compensation.robots import half_pulse_deg, unlimited
 from tests.compensation.test_formats import CSV, NAMES, shifted
 from tests.compensation.test_partial import GOOD, krl
+from tests.programs.languages import targets_first
 from tests.programs.reading import read_back
 
 HERE = CorrectionMark("ab" * 32, False, date(2026, 3, 31))
@@ -46,7 +47,7 @@ def file_of(folder, name):
         path = folder / "p.dat"
         path.write_bytes(KRL_DAT.encode())
         return path, None
-    files = write_program(replace(sessions.mixed(6, 6), robot="kuka-kr6-r700"), name, "session")
+    files = targets_first(name, write_program(replace(sessions.mixed(6, 6), robot="kuka-kr6-r700"), name, "session"))
     for file in files:
         (folder / file.name).write_bytes(re.sub("plan_id", "plan", file.text).encode(file.encoding))
     return folder / files[0].name, files
@@ -171,7 +172,9 @@ def test_a_measuring_program_is_corrected_only_where_that_is_asked_for(name, rob
         )
         path = tmp_path / "run.csv"
     else:
-        files = write_program(replace(sessions.mixed(6, 6), robot="kuka-kr6-r700"), name, "session")
+        files = targets_first(
+            name, write_program(replace(sessions.mixed(6, 6), robot="kuka-kr6-r700"), name, "session")
+        )
         for file in files:
             (tmp_path / file.name).write_bytes(file.text.encode(file.encoding))
         path = tmp_path / files[0].name

@@ -209,3 +209,72 @@ def test_an_as_pose_that_is_not_certain_is_left(words, old, new, why, kuka, tmp_
     done = compensate_file(path, robot, real)
     assert (done.report.joint_targets, done.report.poses) == (1, 0 if words else 1)
     assert re.search(why, done.summary)
+
+
+def val3(folder, robot, q, words="movel", shape="lefty epositive wpositive", tool="flange", more=""):
+    """An application as RoboDK's post processor writes it; the first target, in joint angles, says the shape."""
+    (folder / "start.pgx").write_text(
+        '<?xml version="1.0" encoding="utf-8"?>\n'
+        '<Programs xmlns="http://www.staubli.com/robotics/VAL3/Program/2">\n  <Program name="start">\n'
+        "    <Code><![CDATA[begin\n"
+        f"  movej(jStart,tGrip,mFast)\n{more}"
+        + "".join(f"  {words}(p[{k}],tGrip[0], mFast) // to a point\n" for k in range(len(q)))
+        + "  waitEndMove()\nend]]></Code>\n  </Program>\n</Programs>\n"
+    )
+    angles = " ".join(f'j{k}="{v:.9f}"' for k, v in enumerate(np.degrees(q[0]), 1))
+    form = " ".join(f'{key}="{word}"' for key, word in zip(("shoulder", "elbow", "wrist"), shape.split(), strict=True))
+    values = [f"{frame_words(in_base(robot, row, matrix(TOOL), matrix(BASE)))} {form}" for row in q]
+    path = folder / "app.dtx"
+    path.write_text(
+        '<?xml version="1.0" encoding="utf-8"?>\n'
+        '<Database xmlns="http://www.staubli.com/robotics/VAL3/Data/2">\n  <Datas>\n'
+        + data_of("jStart", "jointRx", [angles])
+        + data_of("fTable", "frame", [f'{frame_words(matrix(BASE))} fatherId="world[0]"'])
+        + data_of("tGrip", "tool", [f'{frame_words(matrix(TOOL))} fatherId="{tool}[0]"'])
+        + data_of("mFast", "mdesc", ['accel="100" vel="50" blend="joint" leave="50" reach="50"'])
+        + data_of("p", "pointRx", [f'{value} fatherId="fTable[0]"' for value in values])
+        + "  </Datas>\n</Database>\n"
+    )
+    return path
+
+
+def frame_words(T):
+    row = [*T[:3, 3] * 1e3, *Rotation.from_matrix(T[:3, :3]).as_euler("XYZ", degrees=True)]
+    return " ".join(f'{key}="{v:.9f}"' for key, v in zip(("x", "y", "z", "rx", "ry", "rz"), row, strict=True))
+
+
+def data_of(name, kind, rows):
+    values = "".join(f'      <Value key="{k}" {row} />\n' for k, row in enumerate(rows))
+    return f'    <Data name="{name}" access="private" xsi:type="array" type="{kind}">\n{values}    </Data>\n'
+
+
+def test_points_of_val3_keep_the_shape_of_the_joints_before(kuka, tmp_path):
+    robot, real = kuka
+    path = val3(tmp_path, robot, ROW)
+    done = compensate_file(path, robot, real)
+    assert (done.report.joint_targets, done.report.poses) == (1, len(ROW))
+    number = r'="([-\d.]+)"'
+    rows = re.findall(
+        rf"<Value key=\"\d+\" x{number} y{number} z{number} rx{number} ry{number} rz{number} sh", done.text
+    )
+    closes(robot, real, ROW, [pose_of([float(v) for v in row], "XYZ") for row in rows], matrix(BASE))
+    assert done.text.count('shoulder="lefty" elbow="epositive" wrist="wpositive" fatherId="fTable[0]"') == len(ROW)
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ({"words": "movej"}, "no source says which shape of the arm is 'lefty epositive wpositive'"),
+        ({"more": "  tGrip.trsf.z=120\n"}, r"tool tGrip\[0\] may be written by the program"),
+        ({"more": "  p[0].trsf.z=120\n"}, r"p\[0\] is not certain: 'p\[0\].trsf.z=120' .* uses it too"),
+        ({"more": "  movel(appro(p[0],tUp),tGrip,mFast)\n"}, r"p\[0\] is not certain"),
+        ({"tool": "tOther"}, r"tool tGrip\[0\] stands on tOther\[0\]"),
+    ],
+)
+def test_a_point_of_val3_that_is_not_certain_is_left(said, why, kuka, tmp_path):
+    robot, real = kuka
+    done = compensate_file(val3(tmp_path, robot, ROW[:1], **said), robot, real)
+    assert (done.report.joint_targets, done.report.poses) == (1, 0)
+    assert re.search(why, done.summary)
+    kept = compensate_file(val3(tmp_path, robot, ROW[:1], "movej", "ssame esame wsame"), robot, real)
+    assert kept.report.poses == 1

@@ -43,12 +43,14 @@ class DialectFacts:
         given_back: what a program may change, as the controller gives it back, or it is the program's own.
         stop, wait: a line by which a program stops until a key is pressed, or waits for input 7; none in a list.
         shown: what the pendant, or the line above the stop, says at the third pose.
+        targets: number of the file, from 0, that holds the positions.
     """
 
     given_back: str = ""
     stop: str = ""
     wait: str = ""
     shown: str = ""
+    targets: int = 0
 
 
 NUMBER = r"(\d+(?:\.\d+)?)"

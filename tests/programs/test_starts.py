@@ -68,12 +68,12 @@ def test_a_tampered_start_is_not_released(name: str) -> None:
     at = f"{program.entries[0].moves[0].q_deg[0]:.{decimals}f}"
     turned = (at, f"{float(at) + 0.5:.{decimals}f}")
     for old, new in (turned, (_said(entry, 3), _said(entry, 2)), (_said(stretch, 2), _said(stretch, 3))):
-        found = re.search(re.escape(old).replace("NUMBER", r"(?P<number>\d+)"), files[0].text)
-        assert found is not None
+        pattern = re.compile(re.escape(old).replace("NUMBER", r"(?P<number>\d+)"))
+        k, found = next((k, m) for k, file in enumerate(files) if (m := pattern.search(file.text)))
         changed = new.replace("NUMBER", found.groupdict().get("number", ""))
-        text = files[0].text[: found.start()] + changed + files[0].text[found.end() :]
+        text = files[k].text[: found.start()] + changed + files[k].text[found.end() :]
         with pytest.raises(ProgramMismatchError):
-            verify(program, name, (ProgramFile(files[0].name, text), *files[1:]))
+            verify(program, name, (*files[:k], ProgramFile(files[k].name, text), *files[k + 1 :]))
 
 
 def _said(text: str, number: int) -> str:

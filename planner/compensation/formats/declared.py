@@ -16,6 +16,7 @@ from planner.compensation.rotations import frame
 from planner.programs.dialect import Dialect
 from planner.programs.verification import EXECUTIONS
 
+_NAME_NO_VALUE = (said.Position, said.Frame, said.FrameChange, said.Move, st.Passive)  # they write no frame
 _BREAKS_THE_ROW = (st.Flow, st.Call, st.Routine, st.RoutineEnd)
 
 
@@ -40,10 +41,11 @@ class _DeclaredReader:
         self.tool: str | None = None
         self.base: str | None = None
         self.last: int | None = None
-        names = "|".join(map(re.escape, sorted(self.positions, key=len, reverse=True)))
-        rows = "|".join(sorted({re.escape(n.partition("[")[0]) for n in self.positions}, key=len, reverse=True))
-        self.named = re.compile(rf"(?<![\w#$.])(?:{names or '(?!)'}|{rows or '(?!)'})(?![\w.])")
-        others = (s for s in both if not isinstance(s, (said.Position, said.Frame, said.FrameChange, said.Move)))
+        named = [*self.positions, *self.known]
+        names = "|".join(map(re.escape, sorted(named, key=len, reverse=True)))
+        rows = "|".join(sorted({re.escape(n.partition("[")[0]) for n in named}, key=len, reverse=True))
+        self.named = re.compile(rf"(?<![\w#$.])(?:{names or '(?!)'}|{rows or '(?!)'})(?!{language.name_letter})")
+        others = (s for s in both if not isinstance(s, _NAME_NO_VALUE))
         self.written = {found[0] for s in others for found in self.named.finditer(s.text)}  # or read, nobody knows
 
     def read(self) -> None:
@@ -73,7 +75,7 @@ class _DeclaredReader:
                 self.base = self.base if statement.base is None else statement.base
             case said.Move():
                 self._move(statement, line, shown)
-            case said.Position() | said.Frame() | said.Words():
+            case said.Position() | said.Frame() | said.Words() | st.Passive():
                 pass
             case st.MotionStatement():
                 self.last = None
@@ -118,8 +120,9 @@ class _DeclaredReader:
         found = self.known.get(name or "") or self.positions.get(name or "")
         if found is not None:
             numbers = found.numbers if isinstance(found, said.Frame) else found.pose
-            why_not = found.why_not or ("may be written by the program" if name in self.written else "is no pose")
-            return f"{kind} {name} {why_not}" if not numbers or name in self.written else self._matrix(numbers)
+            written = not self.written.isdisjoint((found.name, found.name.partition("[")[0]))
+            why_not = found.why_not or ("may be written by the program" if written else "is no pose")
+            return f"{kind} {name} {why_not}" if not numbers or written else self._matrix(numbers)
         if name == "":
             return read_only(np.eye(4))
         if given is not None:
@@ -151,14 +154,16 @@ class _DeclaredReader:
         T_FT, T_WB = frames
         line, where = position.line, f"where {position.name} lies is not certain"
         before = [use.follows for use in pose.uses if use.follows is not None]
-        follows = tuple(before) if len(before) == len(pose.uses) and position.shape is None else ()
+        straight = all(use.linear for use in pose.uses)
+        keeps = position.shape is None or bool(position.shape.unknown and straight)
+        follows = tuple(before) if len(before) == len(pose.uses) and keeps else ()
         if isinstance(T_FT, str) or isinstance(T_WB, str):
             why = next((f for f in frames if isinstance(f, str) and f), "no move of the file drives to it")
             self.reading.leave(line, f"{where}: {why}")
-        elif position.shape is None and not follows:
+        elif keeps and not follows:
             self.reading.leave(line, f"{where}: the target before it, whose shape of the arm is kept, is not known")
         else:
-            shape = None if position.shape is None else WrittenShape.of(position.shape, self.reading.robot)
+            shape = None if keeps or position.shape is None else WrittenShape.of(position.shape, self.reading.robot)
             if isinstance(shape, str):
                 self.reading.leave(line, f"{where}: {shape}")
                 return
@@ -167,5 +172,5 @@ class _DeclaredReader:
             words = read_only(np.array([n.value for n in position.pose[3:]]) * DEG)
             T_BT = self._matrix(position.pose)
             target = tg.CartesianTarget(T_BT, self.language.rotation, words, T_WB, T_FT, shape)
-            straight = tuple(u.follows for u in pose.uses if u.linear and u.follows is not None and shape)
-            self.reading.add(tg.Target(line, tuple(slots), None, target, follows, straight), pose.index)
+            lines = tuple(u.follows for u in pose.uses if u.linear and u.follows is not None and shape)
+            self.reading.add(tg.Target(line, tuple(slots), None, target, follows, lines), pose.index)

@@ -29,6 +29,7 @@ class ArmShape:
         third_over: joint 3 counts more than where the arm is stretched; a language says this or ``elbow_up``.
         fifth_negative: joint 5 counts less than 0.
         within: ranges [deg], each a joint from 0 and pairs of ends, of which one must hold the joint's angle.
+        unknown: words of which no source says what they mean; a straight move to the pose keeps the shape all the same.
     """
 
     rear: bool | None = None
@@ -36,6 +37,7 @@ class ArmShape:
     third_over: bool | None = None
     fifth_negative: bool | None = None
     within: tuple[tuple[int, tuple[tuple[float, float], ...]], ...] = ()
+    unknown: str = ""
 
 
 @dataclass(frozen=True)
@@ -118,12 +120,14 @@ class DeclaredExecution(Execution):
     Attributes:
         rotation: the axes of the three angles of a pose, as scipy's ``Rotation.from_euler`` takes them.
         shifts: a statement that begins so moves targets in a way that is not known here.
+        name_letter: a letter that makes a name another one, where it stands behind it.
         stop: the statement that waits for the arm to stand, where the program runs ahead of it; a move before any other
             statement is then no exact stop.
     """
 
     rotation: ClassVar[str]
     shifts: ClassVar[str] = NO_ROOM
+    name_letter: ClassVar[str] = r"[\w.]"
     stop: ClassVar[str] = ""
 
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:

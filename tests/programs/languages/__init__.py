@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from types import ModuleType
 
 from planner.programs.dialect import load_dialect
+from planner.programs.rendering import ProgramFile
 from tests.programs.controllers import DialectFacts, Language
 
 
@@ -24,6 +25,12 @@ def facts_of(family: str) -> ModuleType:
 def dialect_facts(name: str) -> DialectFacts:
     """The facts of a dialect."""
     return facts_of(load_dialect(name).reading.family).DIALECTS[name]
+
+
+def targets_first(name: str, files: tuple[ProgramFile, ...]) -> list[ProgramFile]:
+    """The files of a program, the one that holds its positions before the others."""
+    k = dialect_facts(name).targets
+    return [files[k], *files[:k], *files[k + 1 :]]
 
 
 def override_of(name: str) -> Language | None:
