@@ -278,3 +278,22 @@ def test_a_point_of_val3_that_is_not_certain_is_left(said, why, kuka, tmp_path):
     assert re.search(why, done.summary)
     kept = compensate_file(val3(tmp_path, robot, ROW[:1], "movej", "ssame esame wsame"), robot, real)
     assert kept.report.poses == 1
+
+
+def test_data_of_an_older_val3_are_named(kuka, tmp_path):
+    robot, real = kuka
+    (tmp_path / "app.dtx").write_text(
+        '<?xml version="1.0" encoding="utf-8"?>\n<dataList xmlns="DataNameSpace">\n  <pointSection>\n'
+        '    <point name="p1" public="false">\n      <valuePoint index="0">\n        <tpValue x="366.58" z="0" />\n'
+        "      </valuePoint>\n    </point>\n  </pointSection>\n</dataList>\n"
+    )
+    path = tmp_path / "start.pgx"
+    path.write_text(
+        '<?xml version="1.0" encoding="utf-8"?>\n<programList xmlns="ProgramNameSpace">\n  <program name="start">\n'
+        "    <source>\n      <code>\nbegin\n  movej(p1,flange,mFast)\nend\n      </code>\n    </source>\n"
+        "  </program>\n</programList>\n"
+    )
+    for file in (path, tmp_path / "app.dtx"):
+        assert (
+            "p1[0] stands in data of VAL3 s6, read are those of s7 and s8" in compensate_file(file, robot, real).summary
+        )
