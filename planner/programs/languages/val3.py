@@ -104,9 +104,10 @@ def _instruction(place: tuple[int, int, str]) -> Iterator[st.Statement]:
             yield said.Words(*place, name, rounded=value != "off")
         elif key == "blend" or number is None:
             yield st.Statement(*place)
+        elif key == "vel":
+            yield said.Words(*place, name, speed=number)
         else:
-            spoken = {"vel": {"speed": number}}.get(key, {"distance": number})
-            yield said.Words(*place, f"{name} reach" if key == "reach" else name, **spoken)
+            yield said.Words(*place, f"{name} reach" if key == "reach" else name, distance=number)
     elif found := re.fullmatch(r"delay\((\S+)\)", text):
         yield st.Waiting(*place, found[1])
     elif found := re.fullmatch(r"call\s+(\w+)\s*\(.*\)", text):
