@@ -152,13 +152,14 @@ def _release(
     cell: Cell,
     time: float,
     basis: ReleaseBasis,
+    traced: TracingResult,
 ) -> ReleasedRobot | None:
     """Return the robot to be released, ``None`` where it is the fit's or the posterior does not come to rest."""
     if basis == "fit":
         return None
     give_back_memory()
     try:
-        return release_robot(stages, free.whole, context, cell, time, basis == "geometry")
+        return release_robot(stages, free.whole, context, cell, time, basis == "geometry", traced.variants)
     except (NoSolutionError, np.linalg.LinAlgError):
         return None
 
@@ -186,7 +187,7 @@ def assess_fit(
     covariance, time = _whole_covariance(found, free, run.continuous)
     table = _estimate_all(free, found, covariance, traced)
     problems, declared = find_problems(stages, free, traced, run, cell, time)
-    released = None if problems else _release(stages, free, context, cell, time, basis)
+    released = None if problems else _release(stages, free, context, cell, time, basis, traced)
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     last = (stages := _count_alike(stages, _row_weight(released, stages[-1].stage), parts))[-1].stage
     said = [

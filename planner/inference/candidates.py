@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import log
 
 from planner.effects.effect import Effect, Parameter, Role
+from planner.inference.posterior_background import EffectFamily
 from planner.model.finding import Finding, RejectedEffect
 from planner.model.identification_document import DetectionLimit
 
@@ -75,6 +76,7 @@ class TracingResult:
         rejected: what was refitted and not kept.
         tried: number of effects and inner values that were looked at.
         comparisons: for what the findings explain, to be decided by the posterior.
+        variants: findings at other values of their inner numbers, with which the run is nearly as likely.
     """
 
     findings: tuple[Finding, ...] = ()
@@ -82,3 +84,4 @@ class TracingResult:
     rejected: tuple[RejectedEffect, ...] = ()
     tried: int | None = None
     comparisons: tuple[CauseComparison, ...] = ()
+    variants: tuple[EffectFamily, ...] = ()

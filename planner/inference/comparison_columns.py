@@ -125,8 +125,9 @@ class ComparisonColumns:
             for f, cause in taking.nameless.items()
         ]
         priors = record.effects.priors
+        names = [record.finding_of(name) for name in record.names]
         families = {
-            f: _block(record.names[f], taking.places[f], odds.of_pool(p.pool), p.factors[1:], p.probability[1:])
+            f: _block(names[f], taking.places[f], odds.of_pool(p.pool), p.factors[1:], p.probability[1:])
             for f, p in ((f, priors[f]) for f in taking.acting)
         }
         columns = np.hstack([record.effects.columns[:, taking.kept], _new_columns(record, every)])

@@ -176,8 +176,8 @@ class DrawComparison:
 
     def weigh(self, k: int) -> Weights:
         """Weigh all that may stand for finding k."""
-        own, state = self.compared.own[k], self._fit_around(self.compared.own[k])
-        held, size, whole = list(state.parts[:-1]), state.parts[-1][1], state.log_odds
+        state = self._fit_around(self.compared.own[k])
+        (own, size), held, whole = state.parts[-1], list(state.parts[:-1]), state.log_odds
         beside = self._without(held)
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: -float(state.conditional_log_odds()[-1])}
@@ -185,7 +185,7 @@ class DrawComparison:
         # of the finding's share in the readings a rival must explain the larger part
         most = min(TOLD_APART**2, 0.5 * float(b @ beside.products(own.columns, own.columns) @ b))
         unnamed = {id(u) for u in self.compared.unnamed}
-        others = list(self._by_distance(k, held, beside, b))
+        others = list(self._by_distance(k, own, held, beside, b))
         without = (beside, *self._without_kin(own, held, [block for block, _, is_tried in others if is_tried]))
         logs = self._log_odds_with_each(state, own, [block for block, _, is_tried in others if is_tried], without)
         for block, left, _ in others:
@@ -223,12 +223,16 @@ class DrawComparison:
     def _contestants(self) -> np.ndarray:
         """Positions of the columns of all that take part in a comparison, and of the readings."""
         compared = self.compared
-        return self._columns_of([*compared.own, *(g for group in compared.others for g in group), *compared.unnamed])
+        names = {block.name for block in compared.own}
+        variants = (block for block in compared.families.values() if block.name in names)
+        others = (g for group in compared.others for g in group)
+        return self._columns_of([*compared.own, *variants, *others, *compared.unnamed])
 
     def _fit_around(self, own: Block) -> JointInclusion:
         """Return the fit of a finding, the last, and of what acts beside it.
 
-        What is needless is out: drawn by chance alone, it would count against the finding.
+        What is needless is out: drawn by chance alone, it would count against the finding. It has the value of its
+        inner number with which it was drawn.
         """
         place = next((k for k, (b, _) in enumerate(self.present) if b.name == own.name), None)
         if place is None:
@@ -236,7 +240,8 @@ class DrawComparison:
             alone = not self.present
             state = JointInclusion.of(self.gram, [part]) if alone else self._whole_fit.add_cause(self.gram, part)
             return state.prune().settle()
-        part = own, self.present[place][1]
+        drawn, size = self.present[place]
+        part = replace(own, columns=drawn.columns), size
         # what is needless beside a finding that is not needless itself goes in one order, whichever finding it is
         lean = next((k for k, (b, _) in enumerate(self._lean_fit.parts) if b.name == own.name), None)
         state = self._whole_fit.remove_cause(place) if lean is None else self._lean_fit.remove_cause(lean)
@@ -264,13 +269,13 @@ class DrawComparison:
         return all(float(np.linalg.eigvalsh(each)[-1]) * PLAUSIBLE**2 < 1.0 for each in left)
 
     def _by_distance(
-        self, k: int, held: Sequence[Part], beside: ConditionalProducts, b: Array
+        self, k: int, own: Block, held: Sequence[Part], beside: ConditionalProducts, b: Array
     ) -> Iterator[tuple[Block, float, bool]]:
         """Yield the causes that may explain what finding k does, δ² of each, and whether it is one of the nearest."""
-        there = {part[0].name for part in held} | {self.compared.own[k].name}
+        there = {part[0].name for part in held} | {own.name}
         for group in (self.compared.others[k], self.compared.unnamed):
             rivals = [g for g in group if g.name not in there]
-            left = beside.distance_squares(self.compared.own[k], b, rivals)
+            left = beside.distance_squares(own, b, rivals)
             order = np.argsort(left, kind="stable").tolist()
             yield from ((rivals[n], float(left[n]), place < NEAREST) for place, n in enumerate(order))
 

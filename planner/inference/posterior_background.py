@@ -38,6 +38,14 @@ BY_PLACE = (Background.BY_PLACE, Background.COMMON)
 
 
 @dataclass(frozen=True)
+class Variant:
+    """A finding at another value of its inner number than the one that was fitted."""
+
+    finding: str
+    value: float
+
+
+@dataclass(frozen=True)
 class EffectFamily:
     """Parameters that share a factor on their prior sigmas.
 
@@ -48,6 +56,7 @@ class EffectFamily:
         unnamed: whether it is what the catalogue has no name for.
         certain: whether it always acts, and the run says how much.
         usual: whether every robot has it, some a little and few much, be it seen or not.
+        variant: what it is where it is a variant of a finding.
     """
 
     name: str
@@ -57,6 +66,13 @@ class EffectFamily:
     unnamed: bool = False
     certain: bool = False
     usual: bool = False
+    variant: Variant | None = None
+
+
+def variant_family(finding: str, value: float, parameters: Sequence[Parameter]) -> EffectFamily:
+    """Return what a finding is at another value of its inner number, by its parameters there."""
+    own = tuple(replace(p, group=BACKGROUND) for p in parameters)
+    return EffectFamily(f"{finding} at {value:.6g}", own, variant=Variant(finding, value))
 
 
 def acts_on_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:

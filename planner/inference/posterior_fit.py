@@ -25,11 +25,12 @@ from planner.fit.wild_rows import unseen_weights
 from planner.inference.posterior_background import (
     OF_BACKGROUND,
     EffectFamily,
+    Variant,
     has_name,
     is_left_to_background,
     without_rivals_of,
 )
-from planner.inference.posterior_draws import ChainLimits, RandomEffects, SizeDraw, SizePrior, draw_sizes
+from planner.inference.posterior_draws import ChainLimits, DrawnSizes, RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.inference.size_mixture import EACH, MixtureMoments, SizeMixture
 from planner.model.identification_document import SizeOfFamily
 from planner.model.model import Model
@@ -80,6 +81,7 @@ class DrawRecord:
         run: samples that sizes were learnt from.
         errors: of the model's parameters, about which it was linearised, (P,).
         names: of the families, (f,).
+        variants: of findings, by the names of their families.
         effects: the linear model.
         draws: in order.
     """
@@ -88,13 +90,30 @@ class DrawRecord:
     run: Run
     errors: Array
     names: tuple[str, ...]
+    variants: Mapping[str, Variant]
     effects: RandomEffects
-    draws: tuple[SizeDraw, ...]
+    draws: tuple[DrawnSizes, ...]
 
     @property
     def last_factors(self) -> dict[str, float]:
         """Factors of the families in the last draw, by name."""
         return dict(zip(self.names, map(float, self.draws[-1].factors), strict=True))
+
+    def finding_of(self, family: str) -> str:
+        """Return the finding that a family is a variant of; of any other family its name."""
+        return self.variants[family].finding if family in self.variants else family
+
+    def probability(self, finding: str) -> float:
+        """Return how likely a finding acts, at whatever value of its inner number."""
+        own = [k for k, name in enumerate(self.names) if self.finding_of(name) == finding]
+        return float(np.mean([d.acting[own].max() for d in self.draws]))
+
+    def other_values(self, finding: str) -> dict[float, float]:
+        """Return how likely a finding has each other value of its inner number, the likeliest first, if it acts."""
+        acts = {n: float(np.mean([d.acting[k] for d in self.draws])) for k, n in enumerate(self.names)}
+        whole = sum(p for n, p in acts.items() if self.finding_of(n) == finding)
+        out = {v.value: acts[n] / whole for n, v in self.variants.items() if v.finding == finding and whole > 0}
+        return dict(sorted(out.items(), key=lambda item: -item[1]))
 
     def count_nameless(self) -> np.ndarray:
         """Return how many families of the background that may be absent act in each draw, (d,) int."""
@@ -222,8 +241,8 @@ def draw_posterior(
         SizeOfFamily(name=name, factor=float(np.sqrt((f**2).mean())), probability=float(p))
         for name, f, p in zip(families.names, factors.T, acts, strict=True)
     )
-    stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDING_PROBABILITY)
-    record = DrawRecord(families.model, few, errors, families.names, effects, draws)
+    record = DrawRecord(families.model, few, errors, families.names, families.variants, effects, draws)
+    stand = tuple(name for name in families.findings if record.probability(name) >= STANDING_PROBABILITY)
     return DrawnPosterior(problem, errors[kept], mixture, sizes, stand, record, limits.seed)
 
 
@@ -242,7 +261,7 @@ class _Families:
     """The model of everything, and which parameters share a size.
 
     ``family`` (P,) int is −1 where the size is known, as of what places the gauge; ``findings`` are the names of
-    families that were found, and ``start`` (f,) the factors that the draws begin with.
+    families that were found, ``start`` (f,) the factors that the draws begin with, and ``variants`` those of findings.
     """
 
     model: Model
@@ -251,6 +270,7 @@ class _Families:
     priors: tuple[SizePrior, ...]
     findings: tuple[str, ...]
     start: Array
+    variants: Mapping[str, Variant]
 
     @classmethod
     def of(cls, before: Model, whole: Model, background: Sequence[EffectFamily]) -> "_Families":
@@ -265,13 +285,14 @@ class _Families:
         # findings that stand for a family of the background; what is common; what has no name; what always acts, of the
         # gauge and of the robot
         usual, common, unnamed, certain, ever = set[str](), set[str](), set[str](), set[str](), set[str]()
-        for family in background:
+        variants = {f.name: f.variant for f in background if f.variant is not None and f.variant.finding in findings}
+        for family in (f for f in background if f.variant is None or f.name in variants):
             for p in family.parameters:
                 if p.name in parameters or p.moves in same:
                     name = label[same.get(p.moves, p.name)]
                     usual.add(name)
                 else:
-                    name = "" if family.known else f"{family.name}{OF_BACKGROUND}"
+                    name = "" if family.known else family.name + ("" if family.variant else OF_BACKGROUND)
                     parameters[p.name], rest[p.name] = p, name
                 common |= {name} if family.common else set()
                 unnamed |= {name} if family.unnamed else set()
@@ -285,13 +306,13 @@ class _Families:
         slab, often, foreign = (_spike_and_slab(SLAB, SLAB_WEIGHT, 0.5, pool) for pool in (RARE, COMMON, UNNAMED))
         found, plain = _spike_and_slab(OWN, OWN_WEIGHT, FINDING), _spike_and_slab(OWN, OWN_WEIGHT, 1.0)
         usual = behind | usual.intersection(findings)
-        kinds = dict.fromkeys(findings, found) | dict.fromkeys(usual, slab)
+        kinds = dict.fromkeys(findings, found) | dict.fromkeys(usual, slab) | dict.fromkeys(variants, found)
         kinds |= dict.fromkeys(common & usual, often) | dict.fromkeys(unnamed, foreign)
         kinds |= dict.fromkeys(certain, _spike_and_slab(SLAB, SLAB_WEIGHT, 1.0))
         kinds |= dict.fromkeys(ever, usual_sizes())
         priors = tuple(kinds.get(n, plain) for n in names)
         start = np.array([0.0 if n in behind else 1.0 for n in names])
-        return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start)
+        return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start, variants)
 
     def limit(self, effects: RandomEffects, limits: ChainLimits) -> RandomEffects:
         """Let no more causes with a name act together than are asked for."""

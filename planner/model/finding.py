@@ -5,6 +5,7 @@ from typing import ClassVar, Literal, get_args
 
 from pydantic import ValidationInfo, computed_field, field_validator, model_validator
 
+from planner.common.units import display_unit
 from planner.effects.nonparametric import NONPARAMETRIC
 from planner.model.document_section import DocumentSection, Probability
 
@@ -42,14 +43,31 @@ def grade_of(probability: float | None) -> Grade:
     return "likely" if probability >= even_chance else "doubtful"
 
 
+class OtherValue(DocumentSection):
+    """Another value that an inner number may have, and how likely it has that if the cause acts."""
+
+    in_unit = ("value",)
+    value: float
+    unit: str
+    probability: Probability
+
+
 class InnerNumber(DocumentSection):
-    """The number inside an effect: a frequency, a time constant, a width."""
+    """The number inside an effect: a frequency, a time constant, a width; ``others`` are what else it may be."""
 
     in_unit = ("value", "std")
+    if_any = ("others",)
     name: str = ""
     value: float
     std: float | None = None
     unit: str
+    others: tuple[OtherValue, ...] = ()
+
+
+def inner_unit(unit: str, value: float) -> tuple[str, float]:
+    """Return how an inner number of the SI ``unit`` and of about this ``value`` is written, and the factor to it."""
+    # numbers inside φ are written in other units than errors are
+    return {"1/turn": ("", 1.0), "m": ("mm", 1e3)}.get(unit) or display_unit(unit, value)
 
 
 class RejectedEffect(DocumentSection):

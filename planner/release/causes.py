@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from planner.common.system import give_back_memory
 from planner.common.units import display_unit, format_value
 from planner.effects.steps import SLIP
-from planner.inference.candidates import CauseComparison, Inclusion, TracingResult
+from planner.inference.candidates import HUNDRED_TO_ONE, CauseComparison, Inclusion, TracingResult
 from planner.inference.model_comparison import judge_findings
-from planner.model.finding import Finding, RejectedEffect, cause_text, percent
+from planner.inference.posterior_fit import DrawRecord
+from planner.model.finding import Finding, OtherValue, RejectedEffect, cause_text, inner_unit, percent
 from planner.model.identification_document import Estimate
 from planner.release.nameless_rivals import with_nameless_rivals
 from planner.release.posterior_causes import posterior_families, posterior_findings
@@ -46,7 +47,9 @@ def name_causes(
     give_back_memory()
     worth = readings / len(posterior.record.effects.y)
     known = _judge(released, traced.comparisons, worth)
-    found = tuple(_with_standing(f, known[f.name]) if f.name in known else f for f in found)
+    found = tuple(
+        _with_standing(_with_other_values(f, posterior.record), known[f.name]) if f.name in known else f for f in found
+    )
     held = posterior_families(posterior, found)
     known |= _judge(released, [h.comparison for h in held], worth)
     beside = [f for h in held for f in posterior_findings(released, h, known[h.name])]
@@ -80,6 +83,19 @@ def _with_standing(f: Finding, standing: Inclusion) -> Finding:
         "rival_probabilities": tuple(r.probability for r in standing.rivals),
     }
     return f.model_copy(update=update)
+
+
+def _with_other_values(f: Finding, record: DrawRecord) -> Finding:
+    """Return a finding with the other values that its inner number may have."""
+    others = {} if f.inner is None else record.other_values(f.name)
+    likely = tuple((v, p) for v, p in others.items() if p >= HUNDRED_TO_ONE)
+    if f.inner is None or not likely:
+        return f
+    name, factor = inner_unit(f.inner.unit, f.inner.value)
+    words = ", ".join(f"{v * factor:.4g} {name}".strip() + f" ({percent(p)})" for v, p in likely)
+    kept = tuple(OtherValue(value=v, unit=f.inner.unit, probability=p) for v, p in likely)
+    inner = f.inner.model_copy(update={"others": kept})
+    return f.model_copy(update={"inner": inner, "note": f"{f.note}; its {f.inner.name} may also be {words}"})
 
 
 def _is_negligible(f: Finding) -> bool:

@@ -47,7 +47,13 @@ from planner.runs.run import Run
 
 
 def release_robot(
-    stages: Sequence[FittedStage], whole: Model, context: FitContext, cell: Cell, time: float, geometry_alone: bool
+    stages: Sequence[FittedStage],
+    whole: Model,
+    context: FitContext,
+    cell: Cell,
+    time: float,
+    geometry_alone: bool,
+    variants: Sequence[EffectFamily] = (),
 ) -> ReleasedRobot:
     """Fit the posterior and return the robot to be written.
 
@@ -62,6 +68,7 @@ def release_robot(
         cell: the cell.
         time: how many samples are worth one.
         geometry_alone: release the geometry as fitted alone.
+        variants: the last stage's findings at other values of their inner numbers.
 
     Raises:
         NoSolutionError: the posterior does not come to rest.
@@ -71,7 +78,7 @@ def release_robot(
     few = context.part(last.model)
     if few is not None:
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
-    families = background_families(last.setup, context.run.samples)
+    families = (*background_families(last.setup, context.run.samples), *variants)
     if geometry_alone:  # only what every robot and gauge has: no cause is looked for
         families = tuple(f for f in families if f.known or f.certain or f.usual)
     dense = len(context.run) * whole.width >= DENSE_READINGS * len(last.model.names)

@@ -253,7 +253,8 @@ def _size(f: Finding) -> str:
     value, std = f.inner.value, f.inner.std
     unit, factor = display_unit(f.inner.unit, value)
     inner = digits(value * factor, 4) if std is None else _pair(value * factor, std * factor)
-    return f"{out}, {f.inner.name} {inner} {unit}"
+    others = "".join(f" or {digits(o.value * factor, 4)} ({percent(o.probability)})" for o in f.inner.others)
+    return f"{out}, {f.inner.name} {inner}{others} {unit}"
 
 
 def _written_size(c: Calibration, f: Finding) -> str:

@@ -26,6 +26,7 @@ from planner.tracing.assumptions import (
 from planner.tracing.candidate_ranking import rank_candidates
 from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
 from planner.tracing.effect_scores import EffectScore, ScoreTest
+from planner.tracing.inner_values import choose_values
 from planner.tracing.search_context import SearchContext, without_effects
 from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, rejection_reason
 from planner.tracing.state import SETTLED_SIGMAS, FittedEffect, SearchState, number_repeat
@@ -231,6 +232,9 @@ def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContex
         if other is None:
             break
         path = _forward_selection(context, [*path, other])
+    likelier = choose_values(context, path[-1])
+    if likelier is not path[-1]:
+        path = _forward_selection(context, [*path, likelier])
     pruned = context.prune(path[-1])
     if pruned.names != path[-1].names:
         path = _forward_selection(context, [*path, pruned])

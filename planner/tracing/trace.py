@@ -17,7 +17,7 @@ from planner.effects.sessions import SESSION_STEP
 from planner.effects.steps import SLIP, STEP, Steppable
 from planner.inference.candidates import Candidate, CauseComparison, TracingResult, candidates_of_same_law
 from planner.inference.stages import FitContext, FittedStage
-from planner.model.finding import Finding, InnerNumber, log10_p, p_value
+from planner.model.finding import Finding, InnerNumber, inner_unit, log10_p, p_value
 from planner.model.finding_groups import unit_of_change
 from planner.model.identification_document import DetectionLimit
 from planner.model.model import chunks
@@ -32,6 +32,7 @@ from planner.tracing.assumptions import (
 from planner.tracing.candidate_ranking import scores_beside, with_link_masses
 from planner.tracing.change_points import change_sample, locate_step, score_steps, session_ends
 from planner.tracing.effect_scores import LEAST_SHARE, EffectScore, ScoreTest, order_of
+from planner.tracing.inner_values import variants
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE, own_gains, variance_inflation, wald_log_p
@@ -238,6 +239,7 @@ def trace(
         _finding(result, f, own.fall, r.rivals, fit_context.run, beside.get(f.name))
         for (f, own), r in zip(kept, rivals, strict=True)
     )
+    elsewhere = tuple(variants(result.context, last))
     stages = fit_context.judge_trials([s.fitted for s in told_path(result.path)])
     for state in result.path:  # of each its stage is kept, and nothing that can be computed anew
         state.fit.problem.memory.forget()
@@ -249,7 +251,7 @@ def trace(
     )
     report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried_number))
-    return stages, TracingResult(findings, silent, result.rejected, result.tried_number, comparisons)
+    return stages, TracingResult(findings, silent, result.rejected, result.tried_number, comparisons, elsewhere)
 
 
 def told_path(path: Sequence[SearchState]) -> list[SearchState]:
@@ -309,14 +311,12 @@ def _finding(
 
 def describe_effect(found: FittedEffect, value: float, std: float, inner_std: float | None, sizes: Array) -> str:
     """Fill the effect's sentence with its size, its nonlinear value, and the periods of a curve."""
-    inner_units = {"1/turn": ("", 1.0), "m": ("mm", 1e3)}  # of numbers inside φ, where they are not those of errors
     effect, nonlinear = found.effect, found.effect.nonlinear
     unit = (unit_of_change if effect.has(Role.CHANGE | Role.SET_UP) else display_unit)(effect.unit, value)
     size = format_value(abs(value), std, *unit)
     inner = ""
     if found.value is not None and nonlinear is not None:
-        inner_unit = inner_units.get(nonlinear.unit) or display_unit(nonlinear.unit, found.value)
-        inner = format_value(found.value, inner_std, *inner_unit)
+        inner = format_value(found.value, inner_std, *inner_unit(nonlinear.unit, found.value))
     words = {"more": "more", "grow": "grow"} if value > 0 else {"more": "less", "grow": "shrink"}
     sentence = effect.sentence.format(size=size, inner=inner, **words)
     if found.has(Role.GEAR_CURVE):
