@@ -10,10 +10,6 @@ from planner.tracing.effect_scores import ScoreTest
 from planner.tracing.search_context import SearchContext
 from planner.tracing.state import FittedEffect, SearchState
 
-# [log likelihood] by which a value of an inner number may fall behind the best: the draws decide down to e⁻¹⁰
-NEARLY_AS_LIKELY = 10.0
-MOST_VARIANTS = 4  # values of a finding's inner number that the draws look at besides the fitted one
-
 
 def other_values(bare: ScoreTest, found: FittedEffect) -> list[float]:
     """Return other values of an effect's inner number with which the run is nearly as likely, the likeliest first.
@@ -30,8 +26,10 @@ def other_values(bare: ScoreTest, found: FittedEffect) -> list[float]:
     peaks = by_value[(around[1:-1] >= around[:-2]) & (around[1:-1] > around[2:])]
     # 3: spacings of the grid within which the fitted value and its own uncertainty stand for all
     peaks = peaks[np.abs(grid[peaks] - found.value) > 3 * nonlinear.spacings(grid[peaks])]
-    likely = peaks[gains[peaks] > bare.score_one(found.effect, found.value).gain - 2 * NEARLY_AS_LIKELY * bare.noise]
-    best = likely[np.argsort(-gains[likely].round(6), kind="stable")][:MOST_VARIANTS]
+    # 10: [log likelihood] by which a value may fall behind the fitted one: the draws decide down to there
+    likely = peaks[gains[peaks] > bare.score_one(found.effect, found.value).gain - 2 * 10.0 * bare.noise]
+    # 4: values that the draws look at besides the fitted one
+    best = likely[np.argsort(-gains[likely].round(6), kind="stable")][:4]
     return [bare.refine_value(found.effect, float(grid[k])) for k in best]
 
 
