@@ -8,6 +8,7 @@ import time
 
 import pytest
 
+from planner.common.result_folder import changed_files
 from tests.windows.wine import PATIENCE_S
 
 pytestmark = pytest.mark.long
@@ -181,6 +182,17 @@ def test_two_processes_write_one_file_and_it_is_whole(wine, folder):
     assert 0 in [process.returncode for process in both], said
     assert (folder / "both.csv").read_bytes() in made.values()
     assert not list(folder.glob(".edbb*"))
+
+
+def test_two_processes_write_one_folder_and_it_is_whole(wine, folder):
+    words = ("check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated", "-o", "both", "--limit-mm")
+    both = [wine.start(wine.program / "edbb.exe", *words, limit, cwd=folder) for limit in ("0.5", "5")]
+    said = [process.communicate(timeout=600)[0] for process in both]
+    codes = {process.returncode for process in both}
+    assert 0 in codes, said
+    assert codes <= {0, 2}, said  # the other one may have met a folder that was just exchanged
+    assert changed_files(folder / "both", "check.json") == []
+    assert not [p for p in folder.rglob("*") if p.name.startswith(".edbb")]
 
 
 def test_control_c_ends_a_command_and_leaves_what_was_there(wine, folder):
