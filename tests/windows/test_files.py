@@ -43,7 +43,7 @@ SINGLE = {
         "--geometry", "-o", "calibrated",
     ),
     "check": (
-        "checked/report.html", "check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated",
+        "checked/check.json", "check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated",
         "--limit-mm", "0.5", "-o", "checked",
     ),
     "record": ("history/report.html", "record", "RECORD", "--withdraw", "1", "--reason", "a trial", "-o", "history"),
