@@ -210,6 +210,6 @@ def test_programs_are_not_called_like_devices(stem):
 
 @pytest.mark.parametrize("name", ["aux.csv", "NUL", "com1.tar.gz", "run.", "a/con/run.csv"])
 def test_the_service_takes_no_such_name(name):
-    with pytest.raises(ValidationError, match="take another name|should match pattern"):
+    with pytest.raises(ValidationError, match=r"take another name|should match pattern"):
         TypeAdapter(FilePath).validate_python(name)
     assert TypeAdapter(FilePath).validate_python("a1/run.csv") == "a1/run.csv"
