@@ -34,7 +34,9 @@ from planner.service.session_store import SessionStore
 from planner.service.settings import GB, JobLimits, ServiceSettings
 from planner.service.standing import Judge
 from planner.service.webhook import Notifier
+from planner.workflow.compensate_call import CompensateCall
 
+DESPITE = "--despite-change"  # of CompensateCall
 TROUBLE_S = 2.0  # [s] to the next try after a failure
 LOG = logging.getLogger("edbb.service")
 
@@ -168,7 +170,7 @@ class ServiceContext:
         folder = JobFolder(self.jobs, self.files, self.uploads, self.cells)
         with self.jobs.at_one_moment():
             command = request.command(folder)
-            self._check_standing(request, command)
+            self._check_standing(command)
             title, text, robot = request.subject(folder), request.model_dump_json(), request.robot(folder)
         id, person = request.job_id(command), CALLER.get().name
         with self._submitting:  # nobody slips past the quota by asking often at the same moment
@@ -178,13 +180,13 @@ class ServiceContext:
         self.supervisor.wake()
         return job
 
-    def _check_standing(self, request: JobRequest, command: JobCommand) -> None:
-        """Refuse to correct a program by a calibration that holds no more, unless the request says so.
+    def _check_standing(self, command: JobCommand) -> None:
+        """Refuse to correct a program by a calibration that holds no more, unless the command says so.
 
         Raises:
             ChangedRobotError: it holds no more.
         """
-        if request.first_word != "compensate" or request.is_despite_change:
+        if command.words[0] != CompensateCall.verb or DESPITE in command.words:
             return
         made = {
             j.id for given in command.inputs for j in self.jobs.jobs_with("outputs", given.sha256, "identification")
@@ -192,7 +194,8 @@ class ServiceContext:
         fault = next((f for id in sorted(made) if (f := self.judge.standing(id).fault)), "")
         if fault:
             raise ChangedRobotError(
-                f"{fault}. A program corrected by this calibration may be wrong; despite_change corrects it anyway"
+                f"{fault}. A program corrected by this calibration may be wrong; "
+                f"{DESPITE} (despite_change in a request) corrects it anyway"
             )
 
     def check_quota(self, person: str, new_jobs: int = 1) -> None:

@@ -76,15 +76,15 @@ class JobFolder:
             raise InputError(f"two files of the request are called '{twice}'; give them names of their own")
         return tuple(self._inputs)
 
-    def file(self, file: FileReference | FileInFolder) -> str:
-        """Copy an uploaded file into the folder; return its name there.
+    def file(self, file: FileReference | FileInFolder, under: str = "") -> str:
+        """Copy an uploaded file into the folder, or into one ``under`` it; return its name there.
 
         Raises:
             UnknownFileError: it was never sent.
         """
         if not self._files.holds(file.id):
             raise UnknownFileError(f"'{file.name}': there is no file {file.id[:12]}…; upload it first")
-        return self._lay(file.name, file.id)
+        return self._lay(under + file.name, file.id)
 
     def cell(self, cell: str, files: Sequence[FileReference]) -> str:
         """Copy an uploaded cell and the files that it names; return its name. A shipped cell has its own name."""

@@ -53,11 +53,6 @@ class JobRequest(StrictModel, ABC):
         return self.kind
 
     @property
-    def is_despite_change(self) -> bool:
-        """Whether whoever asks knows that the calibration may hold no more."""
-        return False
-
-    @property
     def first_word(self) -> str:
         """The command that does it, or the service's task."""
         return self.verb or self.kind

@@ -147,7 +147,7 @@ class PlanUploadRequest(JobRequest):
     def arguments(self, folder: JobFolder) -> list[str]:
         """Lay the files into a folder; return the path of the plan."""
         for file in self.files:
-            folder.file(FileInFolder(id=file.id, name=f"plan/{file.name}"))
+            folder.file(file, "plan/")
         return ["plan/plan.json"]
 
     def subject(self, folder: JobFolder) -> str:
@@ -336,12 +336,6 @@ class CompensationRequest(JobRequest):
             description="the other files of the program, corrected along with it: .dat of a .src, modules",
         ),
     ] = []
-    despite_change: bool = Field(False, description="correct by a calibration that holds no more, too")
-
-    @property
-    def is_despite_change(self) -> bool:
-        """Whether whoever asks knows that the calibration may hold no more."""
-        return self.despite_change
 
     def arguments(self, folder: JobFolder) -> list[str]:
         """Lay the other files of the program beside it, and return its name."""

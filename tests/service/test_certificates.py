@@ -172,11 +172,13 @@ def test_a_failed_check_binds_before_anybody_records_it(plant):
     asked = {"program": {"id": program, "name": "p.csv"}, "model": CALIBRATED}
     refused = plant.post("/api/compensations", json=asked)
     assert refused.status_code == 409
-    assert "despite_change corrects it anyway" in refused.json()["detail"]
+    assert "--despite-change (despite_change in a request) corrects it anyway" in refused.json()["detail"]
     words = ["compensate", "p.csv", "--model", "robot.toml", "-o", "out/"]
     robot = plant.post("/api/files", params={"name": "robot.toml"}, content=ROBOT.read_bytes()).json()["id"]
     sent = {"words": words, "files": [asked["program"], {"id": robot, "name": "robot.toml"}]}
     assert plant.post("/api/commands", json=sent).status_code == 409, "the command line on a server too"
+    aware = {**sent, "words": [*words, "--despite-change"]}
+    assert plant.post("/api/commands", json=aware).status_code == 202, "which knows the word"
     assert plant.post("/api/compensations", json=asked | {"despite_change": True}).status_code == 202
     assert plant.delete(f"/api/jobs/{CHANGED}").status_code == 409, "what binds is not deleted"
     # recorded, then withdrawn with a reason: it was no check of this robot

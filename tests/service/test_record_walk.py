@@ -144,7 +144,7 @@ def correct(page, calibration, folder, despite=False):
     if despite:
         page.click("#correct-form button:has-text('Correct')")
         assert "/correct" in page.url, "asked first"
-        page.check("#despite")
+        page.check("[data-option=despite_change]")
     page.click("#correct-form button:has-text('Correct')")
     ended_page(page, ".result")
     expect(page.locator(".verdict")).to_contain_text("mm  rms at the 2 targets")

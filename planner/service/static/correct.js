@@ -9,7 +9,6 @@ find("#correct-form").addEventListener("submit", async (event) => {
     const [program, ...files] = await Promise.all([...find("#program").files].map((file) => upload("files", file)));
     const asked = { program, files, model: document.body.dataset.job, ...givenOptions(find("#correct-form")) };
     if (frames) asked.frames = await upload("files", frames);
-    if (find("#despite")?.checked) asked.despite_change = true;
     location.href = `${root}/jobs/${(await post("/api/compensations", asked)).id}`;
   } catch (problem) { say(message, problem.message, true); }
 });
