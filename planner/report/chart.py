@@ -59,6 +59,9 @@ class Heatmap:
     x_names: tuple[str, ...]
 
 
+SCALE_TICKS = 8  # at a scale of colours, at most
+
+
 @dataclass(frozen=True)
 class ColourField:
     """A quantity over a plane in colours, from pale (small) to dark (large).
@@ -78,12 +81,20 @@ class ColourField:
 
     @property
     def span(self) -> Span:
-        """Values of the palest and the darkest colour, a fifth apart at least: an even field looks even."""
+        """Values of the palest and the darkest colour, both ticks; a fifth apart, so an even field looks even."""
         if self.most is not None:
-            return 0.0, self.most
-        low, high = float(np.nanmin(self.values)), float(np.nanmax(self.values))
-        spare = max(0.0, 0.1 * (abs(low) + abs(high)) - (high - low)) / 2  # a tenth of the mean on either side
-        return low - spare, high + spare
+            low, high = 0.0, self.most or 1.0
+        else:
+            low, high = float(np.nanmin(self.values)), float(np.nanmax(self.values))
+            spare = max(0.0, 0.1 * (abs(low) + abs(high)) - (high - low)) / 2  # a tenth of the mean on either side
+            low, high = low - spare, high + (spare or float(low == high))
+        step = _tick_step((low, high), SCALE_TICKS)
+        return float(step * np.floor(low / step + 1e-9)), float(step * np.ceil(high / step - 1e-9))
+
+    @property
+    def ticks(self) -> tuple[list[float], list[str]]:
+        """Values at the scale of the colours, its ends among them, and their texts."""
+        return linear_ticks(self.span, SCALE_TICKS)
 
 
 @dataclass(frozen=True)
@@ -199,12 +210,16 @@ def log_ticks(span: Span, power: str) -> tuple[list[float], list[str]]:
     return values, [f"{v:.{max(-ten, 0)}f}" for v in values]
 
 
+def _tick_step(span: Span, most: int) -> float:
+    """Return how far the ticks of an even axis are apart: 1, 2 or 5 times a power of ten."""
+    rough = max(span[1] - span[0], 1e-300) / max(most, 1)
+    ten = int(np.floor(np.log10(rough)))
+    return float(next(m for m in (1, 2, 5, 10) if m * 10.0**ten >= rough * (1 - 1e-9)) * 10.0**ten)
+
+
 def linear_ticks(span: Span, most: int) -> tuple[list[float], list[str]]:
     """Return where an even axis has ticks, at most about so many, and their texts."""
-    low, high = span
-    rough = max(high - low, 1e-300) / max(most, 1)
-    ten = int(np.floor(np.log10(rough)))
-    step = next(m for m in (1, 2, 5, 10) if m * 10.0**ten >= rough * (1 - 1e-9)) * 10.0**ten
+    (low, high), step = span, _tick_step(span, most)
     places = max(0, -int(np.floor(np.log10(step) + 1e-9)))
     values = [k * step for k in range(int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9)) + 1)]
     return values, [f"{v + 0.0:.{places}f}" for v in values]

@@ -250,15 +250,14 @@ def _png(pixels: Array) -> str:
 def _scale(panel: Panel) -> str:
     """The colours of a field, or of correlations, with their ends."""
     if panel.field is not None:
-        low, high = panel.field.span
         colours: tuple[str, ...] = FIELD_SCALE
-        texts = [f"{low:.3g}", f"{high:.3g}"]
+        texts = panel.field.ticks[1]
     elif panel.cells is not None:
         colours, texts = (RED, "#FFFFFF", BLUE), ["−1", "1"]
     else:
         return ""
     return (
-        f'<div class="scale"><span>{texts[1]}</span><i style="background:linear-gradient(0deg,{",".join(colours)})">'
+        f'<div class="scale"><span>{texts[-1]}</span><i style="background:linear-gradient(0deg,{",".join(colours)})">'
         f"</i><span>{texts[0]}</span></div>"
     )
 

@@ -14,7 +14,7 @@ from planner.checks.record import Withdrawal
 from planner.common.errors import InputError
 from planner.common.files import document_text, text_hash, write_text
 from planner.common.schema import StrictModel, read_json, validate
-from planner.common.units import to_mm
+from planner.common.units import MM, to_mm
 from planner.model.identification_document import Identification, Release
 from planner.model.use_statement import ToolName
 from planner.model.use_text import TOOLS, bound_text
@@ -106,6 +106,11 @@ class Certificate(StrictModel):
     not_contained: list[str]
     remarks: list[str]
     hashes: list[Fact]
+
+    @property
+    def expanded_text(self) -> str:
+        """The expanded uncertainty with two digits, rounded up (GUM, 7.2.6)."""
+        return bound_text(self.expanded_mm * MM)
 
     @property
     def title(self) -> str:

@@ -1,6 +1,5 @@
 """Routes of certificates: issued here, frozen, shown with whether they still hold, and withdrawn."""
 
-from datetime import UTC, datetime
 from typing import Annotated
 
 from fastapi import APIRouter, Request, Response
@@ -8,7 +7,6 @@ from fastapi import Path as InPath
 from fastapi.responses import HTMLResponse
 from pydantic import Field
 
-from planner.checks.record import CheckFile
 from planner.common.schema import StrictModel
 from planner.service.certificate import (
     NUMBER,
@@ -26,13 +24,11 @@ from planner.service.certificate_content import build_certificate
 from planner.service.certificate_pdf import certificate_pdf
 from planner.service.context import Context, ServiceContext
 from planner.service.login import is_secure
-from planner.service.problems import MISSING
 from planner.service.record_api import Reason
 from planner.service.record_store import UnknownRecordError
 from planner.service.rendering import ROOT, render
-from planner.service.standing import change_text, newer_calibration_text
 
-CERTIFICATES = APIRouter()
+CERTIFICATES = APIRouter(tags=["certificates"])
 Number = Annotated[str, InPath(pattern=f"^{NUMBER}$", description="of the certificate", examples=["KR6-0815-C01"])]
 
 
@@ -46,7 +42,7 @@ class IssuedCertificate(StrictModel):
     certificate: Certificate
 
 
-@CERTIFICATES.post("/api/certificates", status_code=201, tags=["certificates"], responses=MISSING)
+@CERTIFICATES.post("/api/certificates", status_code=201)
 def issue_certificate(body: CertificateRequest, request: Request, context: Context) -> IssuedCertificate:
     """Issue the certificate of a calibration for a use; what it says is frozen."""
     base = f"http{'s' if is_secure(request) else ''}://{request.url.netloc}{ROOT.get()}"
@@ -56,13 +52,13 @@ def issue_certificate(body: CertificateRequest, request: Request, context: Conte
         return _describe(context, write_certificate(folder, certificate))
 
 
-@CERTIFICATES.get("/api/certificates/{number}", tags=["certificates"], responses=MISSING)
+@CERTIFICATES.get("/api/certificates/{number}")
 def get_certificate(number: Number, context: Context) -> IssuedCertificate:
     """Get a certificate, and whether it still holds."""
     return find_certificate(context, number)
 
 
-@CERTIFICATES.get("/api/certificates/{number}/pdf", tags=["certificates"], responses=MISSING, response_class=Response)
+@CERTIFICATES.get("/api/certificates/{number}/pdf", response_class=Response)
 def get_pdf(number: Number, context: Context) -> Response:
     """Get a certificate as PDF, one A4 sheet; where it holds no more, that is printed across it."""
     found = find_certificate(context, number)
@@ -71,7 +67,7 @@ def get_pdf(number: Number, context: Context) -> Response:
     return Response(certificate_pdf(file, found.fault), media_type="application/pdf", headers=named)
 
 
-@CERTIFICATES.post("/api/certificates/{number}/withdrawal", tags=["certificates"], responses=MISSING)
+@CERTIFICATES.post("/api/certificates/{number}/withdrawal")
 def withdraw(number: Number, body: Reason, context: Context) -> IssuedCertificate:
     """Withdraw a certificate with a reason; it stays, and says so."""
     find_certificate(context, number)
@@ -111,16 +107,4 @@ def _fault(context: ServiceContext, c: Certificate) -> str:
     said = read_certificate_withdrawal(context.records.path(c.serial), c.number)
     if said is not None:
         return f"{said.reason} ({said.date}{f', {said.by}' if said.by else ''})"
-    record = context.records.read(c.serial)
-    entry = next(e for e in record.entries if e.number == c.entry)
-    if entry.withdrawn is not None:
-        return f"its calibration was withdrawn on {entry.withdrawn.date}: {entry.withdrawn.reason}"
-    for e in record.valid_entries:
-        if e.number > c.last_entry and isinstance(e.document, CheckFile) and not e.document.passed:
-            return f"the check of {e.file.circumstances.date} failed: {change_text(e.document)}"
-    if newer := newer_calibration_text(record, entry):
-        return newer
-    for failed in context.judge.failed_checks(c.document_sha256):
-        if not failed.recorded and datetime.fromtimestamp(failed.finished, UTC) >= c.issued:
-            return f"the check of {failed.day} failed: {change_text(failed.check)}"
-    return ""
+    return context.judge.standing_in(context.records.read(c.serial), c.entry, {c.document_sha256}, c).fault

@@ -15,7 +15,6 @@ from planner.common.units import to_mm
 from planner.kinematics.robot_file import RobotDescription
 from planner.model.identification_document import Identification, Metrics
 from planner.model.use_text import TOOLS
-from planner.service.answers import Job
 from planner.service.callers import CALLER
 from planner.service.certificate import (
     REGIONS,
@@ -35,6 +34,7 @@ from planner.service.context import ServiceContext
 from planner.service.file_api import robot_title
 from planner.service.job_api import output_path
 from planner.service.job_filter import JobFilter
+from planner.service.job_record import JobRecord
 
 RMS_OF_REPEATABILITY = 3**0.5 / (1.5958 + 3 * 0.6734)
 """Rms distance by RP of ISO 9283 (mean distance plus three standard deviations), where the scatter is alike in space:
@@ -50,8 +50,8 @@ def build_certificate(context: ServiceContext, request: CertificateRequest, base
     Raises:
         InputError: no robot's record has the calibration, it does not hold, or it states no error for the use.
     """
-    job = context.describe(context.jobs.get(request.job))
-    outputs = {f.name: f.sha256 for f in job.files}
+    job = context.jobs.get(request.job)
+    outputs = {f.name: f.sha256 for f in context.jobs.outputs(job.id)}
     if job.kind != "identification" or "identification.json" not in outputs:
         raise UncertifiedError("only a finished identification has a certificate")
     standing, known = context.judge.standing(job.id), context.records.index.find_entry(set(outputs.values()))
@@ -63,26 +63,24 @@ def build_certificate(context: ServiceContext, request: CertificateRequest, base
     entry = next(e for e in record.entries if e.number == known.number)
     last = max((number_parts(n)[1] for n in certificate_numbers(folder)), default=0)
     number = f"{known.serial}-C{last + 1:02d}"
-    return folder, _fill(context, request, job, record, entry, number, f"{base}/certificates/{number}")
+    return folder, _fill(context, request, job, outputs, record, entry, number, f"{base}/certificates/{number}")
 
 
 def _fill(
     context: ServiceContext,
     request: CertificateRequest,
-    job: Job,
+    job: JobRecord,
+    outputs: dict[str, str],
     record: RobotRecord,
     entry: RecordEntry,
     number: str,
     address: str,
 ) -> Certificate:
-    outputs = {f.name: f.sha256 for f in job.files}
     document = Identification.read_usable(context.files.path(outputs["identification.json"]))
-    done = context.jobs.get(job.id)
-    command = done.command
-    inputs = {i.name: i.sha256 for i in command.inputs}
+    command, inputs = job.command, {i.name: i.sha256 for i in job.command.inputs}
     cell = _cell_file(context, str(command.option("--cell")), inputs)
     is_length = gauge_class(cell).columns == "length_mm"
-    budget = uncertainty_budget(request, document, *_repeatability(context, job, document, is_length))
+    budget = uncertainty_budget(request, document, *_repeatability(context, outputs, document, is_length))
     remarks, validation = list(document.warnings), find_validation(context, outputs["robot.toml"])
     most = 4  # remarks on one sheet; the report has all
     left = len(remarks) - most
@@ -107,7 +105,7 @@ def _fill(
         expanded_mm=expanded_uncertainty(budget),
         not_contained=list_exclusions(request, document),
         remarks=remarks[:most] + more,
-        hashes=_hashes(inputs, job, done.version),
+        hashes=_hashes(inputs, outputs, job.version),
     )
 
 
@@ -149,10 +147,10 @@ def _plan_id(context: ServiceContext, name: str | None, inputs: dict[str, str]) 
     return "" if plan is None else str(json.loads(context.files.path(plan).read_bytes()).get("plan_id", ""))
 
 
-def _hashes(inputs: dict[str, str], job: Job, version: str) -> list[Fact]:
+def _hashes(inputs: dict[str, str], outputs: dict[str, str], version: str) -> list[Fact]:
     """What was measured and found, by SHA-256, and by which version of the planner."""
     measured = [(n, h) for n, h in inputs.items() if n.endswith((".csv", ".parquet", "plan.json"))]
-    all_ = [*measured, *((f.name, f.sha256) for f in job.files if f.name in HASHED)]
+    all_ = [*measured, *((n, h) for n, h in outputs.items() if n in HASHED)]
     kept = [Fact(what=n, value=h) for n, h in all_ if not n.endswith("trajectory.csv")]
     return [*kept, Fact(what="software", value=f"edbb {version}")]
 
@@ -210,7 +208,9 @@ def _gauge(file: CellFile) -> str:
     return f"{gauge.kind}{span}"
 
 
-def _repeatability(context: ServiceContext, job: Job, document: Identification, is_length: bool) -> tuple[float, str]:
+def _repeatability(
+    context: ServiceContext, outputs: dict[str, str], document: Identification, is_length: bool
+) -> tuple[float, str]:
     """Return the scatter of the tool's position, rms in space [mm], and how it is known.
 
     It is of the run's own repeats, if it has any; else that of the repeatability which the robot's file publishes, or
@@ -221,6 +221,6 @@ def _repeatability(context: ServiceContext, job: Job, document: Identification, 
         in_space = float(to_mm(floor)) * (3.0 if is_length else 1.0) ** 0.5  # axes of space for each that is seen
         rp = in_space / RMS_OF_REPEATABILITY
         return in_space, f"repeated poses of this run: RP {rp:.3f} mm as in ISO 9283, gauge's scatter included"
-    file = read_toml(output_path(context, job.id, "robot.toml"), RobotDescription)
+    file = read_toml(context.files.path(outputs["robot.toml"]), RobotDescription)
     known = "as in" if "repeatability_mm" in file.model_fields_set else "assumed, for it is not in"
     return RMS_OF_REPEATABILITY * file.repeatability_mm, f"data sheet (RP of ISO 9283), {known} the robot's file; rms"

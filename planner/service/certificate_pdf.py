@@ -162,7 +162,7 @@ def _budget(c: Certificate) -> list[Any]:
     total = [
         _paragraph(f"Expanded uncertainty U (k = {COVERAGE:g})", 9, bold=True),
         _paragraph(f"for {c.use}", 9, bold=True),
-        _paragraph(f"{c.expanded_mm:.3f}", 9, bold=True, right=True),
+        _paragraph(c.expanded_text.removesuffix(" mm"), 9, bold=True, right=True),
     ]
     about = (
         "Of the tool's position where a program corrected by this calibration drives: distance in space that about 95 "

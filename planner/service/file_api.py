@@ -22,7 +22,6 @@ from planner.service.context import Context, ServiceContext
 from planner.service.file_answer import StoredFileResponse
 from planner.service.file_store import ContentDraft, FileStore
 from planner.service.job_folder import FileName, Sha256
-from planner.service.problems import MISSING, Problem
 from planner.service.settings import Role
 
 FILES = APIRouter(prefix="/api", tags=["files"])
@@ -56,7 +55,7 @@ async def upload_file(request: Request, context: Context, name: Name, sha256: Ha
     return await _receive(request, context, name, sha256, "file")
 
 
-@FILES.get("/files/{id}", responses=MISSING)
+@FILES.get("/files/{id}")
 def download_file(id: Sha256, context: Context) -> FileResponse:
     """Get the content of a file that was sent."""
     found = context.uploads.find(id)
@@ -65,14 +64,14 @@ def download_file(id: Sha256, context: Context) -> FileResponse:
     return file_answer(context, id, found.name)
 
 
-@FILES.delete("/files/{id}", status_code=204, responses={404: {"model": Problem}, 409: {"model": Problem}})
+@FILES.delete("/files/{id}", status_code=204)
 def delete_file(id: Sha256, context: Context) -> None:
     """Delete a file, run or cell that was sent, unless a job starts from it; what others have sent too stays theirs."""
     caller = CALLER.get()
     context.keeper.delete_upload(id, None if caller.role is Role.ADMINISTER else caller.name)
 
 
-@FILES.get("/contents/{sha256}", responses=MISSING)
+@FILES.get("/contents/{sha256}")
 def download_content(sha256: Sha256, context: Context) -> FileResponse:
     """Get a file that was sent or written by a job, by its SHA-256; workers fetch what jobs start from."""
     return file_answer(context, sha256, sha256)
@@ -109,7 +108,7 @@ def describe_cell(context: ServiceContext, file: StoredFile) -> CellEntry:
     return CellEntry(id=file.id, name=known.title or file.name, note=known.note)
 
 
-@FILES.patch("/cells/{id}", responses=MISSING)
+@FILES.patch("/cells/{id}")
 def change_cell(id: Sha256, changes: CellChanges, context: Context) -> CellEntry:
     """Give a cell that was sent another name or a note; what is not given stays."""
     found = context.uploads.find(id)
@@ -120,7 +119,7 @@ def change_cell(id: Sha256, changes: CellChanges, context: Context) -> CellEntry
     return describe_cell(context, found)
 
 
-@FILES.get("/cells/{robot}/{cell}", responses=MISSING)
+@FILES.get("/cells/{robot}/{cell}")
 def get_shipped_cell(robot: str, cell: str) -> FileResponse:
     """Get the file of a shipped cell."""
     if f"{robot}/{cell}" not in _shipped_names():
@@ -208,7 +207,7 @@ def get_robots() -> list[RobotEntry]:
     return list(robot_entries())
 
 
-@LISTS.get("/robots/{name}", responses=MISSING)
+@LISTS.get("/robots/{name}")
 def get_robot(name: str) -> RobotEntry:
     """Get one robot."""
     found = next((r for r in robot_entries() if r.name == name), None)

@@ -28,7 +28,6 @@ from planner.service.job_record import JobEvent, JobOutput, JobRecord
 from planner.service.job_request import JobRequest
 from planner.service.job_requests import REQUESTS
 from planner.service.job_store import JobCheck, JobStore
-from planner.service.problems import MISSING, Problem
 
 JOBS = APIRouter(prefix="/api", tags=["jobs"])
 
@@ -108,7 +107,6 @@ for _kind, _type in REQUESTS.items():
         response_model=Job,
         name=f"submit {_kind}",
         operation_id=f"submit_{_kind.replace('-', '_')}",
-        responses={404: {"model": Problem}, 409: {"model": Problem}, 429: {"model": Problem}},
     )
 
 
@@ -124,20 +122,20 @@ def list_jobs(context: Context, request: Request, response: Response, page: Anno
         return context.describe_all(found[: page.most])
 
 
-@JOBS.get("/jobs/{id}", responses=MISSING)
+@JOBS.get("/jobs/{id}")
 async def get_job(id: JobId, context: Context) -> Job:
     """Get a job: how far it is, and what it has written."""
     # no thread: a read of the database waits for nobody, and many pages ask at once
     return context.show(id)
 
 
-@JOBS.patch("/jobs/{id}", responses=MISSING)
+@JOBS.patch("/jobs/{id}")
 def change_job(id: JobId, changes: JobChanges, context: Context) -> Job:
     """Give a job another title or a note, or put it aside; what is not given stays."""
     return context.describe(context.keeper.change(id, changes, own_check(context)))
 
 
-@JOBS.delete("/jobs/{id}", status_code=204, responses={404: {"model": Problem}, 409: {"model": Problem}})
+@JOBS.delete("/jobs/{id}", status_code=204)
 def delete_job(id: JobId, context: Context) -> None:
     """Delete a job with what only it needs: its files, and the views of pages that start from it.
 
@@ -147,7 +145,7 @@ def delete_job(id: JobId, context: Context) -> None:
         context.keeper.delete(id, own_check(context))
 
 
-@JOBS.post("/jobs/{id}/cancel", responses=MISSING)
+@JOBS.post("/jobs/{id}/cancel")
 def cancel_job(id: JobId, context: Context) -> Job:
     """Stop a job; what has ended stays as it is, and what others have asked for too goes on for them."""
     if not context.jobs.get(id).ended and context.jobs.leave(id, CALLER.get().name):
@@ -155,7 +153,7 @@ def cancel_job(id: JobId, context: Context) -> Job:
     return context.describe(context.jobs.cancel(id, own_check(context)))
 
 
-@JOBS.get("/jobs/{id}/result", responses={404: {"model": Problem}, 409: {"model": Problem}})
+@JOBS.get("/jobs/{id}/result")
 def get_result(id: JobId, context: Context) -> FileResponse:
     """Get the document of a finished job: plan.json, identification.json, accuracy.json, view.json or summary."""
     with context.jobs.at_one_moment():
@@ -170,7 +168,7 @@ def get_result(id: JobId, context: Context) -> FileResponse:
     return answer
 
 
-@JOBS.get("/jobs/{id}/report", responses={404: {"model": Problem}, 409: {"model": Problem}})
+@JOBS.get("/jobs/{id}/report")
 def get_report(id: JobId, context: Context) -> FileResponse:
     """Get the report of a finished job as a page."""
     job = context.jobs.get(id)
@@ -181,7 +179,7 @@ def get_report(id: JobId, context: Context) -> FileResponse:
     return answer
 
 
-@JOBS.get("/jobs/{id}/files/{name:path}", responses=MISSING)
+@JOBS.get("/jobs/{id}/files/{name:path}")
 def get_file(id: JobId, name: str, context: Context) -> FileResponse:
     """Get one of the files that a job has written."""
     found = find_output(context, id, name)

@@ -3,7 +3,6 @@
 import json
 import sqlite3
 from http import HTTPStatus
-from typing import Any
 
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
@@ -55,8 +54,6 @@ class Problem(StrictModel):
     exit_code: int | None = Field(None, description="of the command line", examples=[2])
 
 
-# answers of a route whose object may not be there, for its page of the interface
-MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
 ERRORS = (RequestValidationError, HTTPException, ClientDisconnect, PlannerError, sqlite3.DatabaseError, Exception)
 
 

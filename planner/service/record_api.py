@@ -16,7 +16,6 @@ from planner.service.certificate import certificate_numbers
 from planner.service.context import Context, ServiceContext
 from planner.service.job_api import LIST_MOST, next_link
 from planner.service.job_folder import EverySystem, JobId
-from planner.service.problems import MISSING
 from planner.service.record_index import (
     PLACE,
     RecordedEntry,
@@ -128,13 +127,13 @@ def list_records(
     return [describe_robot(r) for r in found[: page.most]]
 
 
-@RECORDS.get("/records/{serial}", responses=MISSING)
+@RECORDS.get("/records/{serial}")
 def get_record(serial: Serial, context: Context) -> RecordHistory:
     """Get the history of a robot."""
     return describe_record(context, context.records.read(serial))
 
 
-@RECORDS.post("/records/{serial}/entries", status_code=201, responses=MISSING)
+@RECORDS.post("/records/{serial}/entries", status_code=201)
 def add_to_record(serial: Serial, request: EntryRequest, context: Context) -> RecordHistory:
     """Add a calibration, validation or check to a robot's record; the same again changes nothing."""
     context.records.index.refresh()
@@ -145,31 +144,31 @@ def add_to_record(serial: Serial, request: EntryRequest, context: Context) -> Re
     return describe_record(context, context.records.add(serial, job, request.circumstances, judged))
 
 
-@RECORDS.put("/records/{serial}", responses=MISSING)
+@RECORDS.put("/records/{serial}")
 def begin_record(serial: Serial, request: NewRobot, context: Context) -> RecordHistory:
     """Begin the record of a robot that was never measured; one that is there stays as it is."""
     return describe_record(context, context.records.begin(serial, request.robot))
 
 
-@RECORDS.post("/records/{serial}/withdrawal", responses=MISSING)
+@RECORDS.post("/records/{serial}/withdrawal")
 def withdraw_robot(serial: Serial, request: Reason, context: Context) -> RecordHistory:
     """Withdraw a serial number that has no entry that counts: it was a mistake; an entry brings it back."""
     return describe_record(context, context.records.withdraw(serial, None, request.withdrawal))
 
 
-@RECORDS.post("/records/{serial}/entries/{number}/withdrawal", responses=MISSING)
+@RECORDS.post("/records/{serial}/entries/{number}/withdrawal")
 def withdraw_entry(serial: Serial, number: EntryNumber, request: Reason, context: Context) -> RecordHistory:
     """Withdraw an entry with a reason: it stays in the history and counts no more."""
     return describe_record(context, context.records.withdraw(serial, number, request.withdrawal))
 
 
-@RECORDS.get("/records/{serial}/opcua", responses=MISSING)
+@RECORDS.get("/records/{serial}/opcua")
 def get_opcua(serial: Serial, context: Context) -> OpcUaRecord:
     """Get a robot's record as values of OPC UA: a calibration's prognosis (OPC 40210)."""
     return map_to_opcua(context.records.read(serial))
 
 
-@RECORDS.get("/records/{serial}/export", responses=MISSING, response_class=Response)
+@RECORDS.get("/records/{serial}/export", response_class=Response)
 def export_record(serial: Serial, context: Context) -> Response:
     """Get the whole folder of a record as ZIP, as ``edbb record`` reads it."""
     headers = {"content-disposition": f'attachment; filename="{serial}.zip"'}

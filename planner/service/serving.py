@@ -65,6 +65,7 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
         (413, "more bytes than are taken"),
         (421, "the service is not known by that name"),
         (422, "the request or what it names is wrong"),
+        (429, "more than one may ask for, or have"),
         (507, "the disk is full"),
     )
 }

@@ -16,14 +16,13 @@ from planner.service.context import Context, ServiceContext
 from planner.service.job_api import output_path
 from planner.service.job_folder import JobId
 from planner.service.page_content import PLANS, read_plan_document
-from planner.service.problems import MISSING
 from planner.service.record_api import SerialText
 from planner.service.record_index import RobotFilter
 from planner.service.rendering import STATIC, render
 from planner.service.session_store import CellSession, KnownTick, TickList
 from planner.service.sheets import session_content
 
-SESSIONS = APIRouter()
+SESSIONS = APIRouter(tags=["sessions"])
 SessionId = Annotated[str, InPath(pattern="^[0-9a-f]{24}$", description="identifier of a session")]
 
 
@@ -48,7 +47,7 @@ class SessionEntry(StrictModel):
     url: str
 
 
-@SESSIONS.post("/api/sessions", status_code=201, tags=["sessions"], responses=MISSING)
+@SESSIONS.post("/api/sessions", status_code=201)
 def begin_session(request: SessionRequest, context: Context) -> SessionEntry:
     """Begin a session of a robot, or go on with the open one; several devices may tick in one."""
     job = context.show(request.plan)
@@ -58,7 +57,7 @@ def begin_session(request: SessionRequest, context: Context) -> SessionEntry:
     return describe_session(context, context.sessions.begin(job.id, request.serial, CALLER.get().name, request.anew))
 
 
-@SESSIONS.get("/api/sessions", tags=["sessions"])
+@SESSIONS.get("/api/sessions")
 def list_sessions(
     context: Context,
     serial: Annotated[str | None, Query(max_length=61, description="of the robot")] = None,
@@ -68,13 +67,13 @@ def list_sessions(
     return [describe_session(context, s) for s in context.sessions.list_sessions(serial, plan)]
 
 
-@SESSIONS.get("/api/sessions/{id}", tags=["sessions"], responses=MISSING)
+@SESSIONS.get("/api/sessions/{id}")
 def get_session(id: SessionId, context: Context) -> SessionEntry:
     """Get a session with its ticks."""
     return describe_session(context, context.sessions.get(id))
 
 
-@SESSIONS.post("/api/sessions/{id}/ticks", tags=["sessions"], responses=MISSING)
+@SESSIONS.post("/api/sessions/{id}/ticks")
 def add_ticks(id: SessionId, ticks: TickList, context: Context) -> SessionEntry:
     """Say what was ticked; of each step the latest counts. The answer is what is known then."""
     context.sessions.merge(id, ticks.ticks, CALLER.get().name or ticks.person.strip())

@@ -1,14 +1,16 @@
 """What jobs have found, in a word, and whether a calibration still holds."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
 
-from planner.checks.record import DOCUMENTS, AccuracyFile, CheckFile, RecordEntry, RobotRecord, read_document
+from planner.checks.record import DOCUMENTS, AccuracyFile, CheckFile, RobotRecord, read_document
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.schema import read_json, validate
 from planner.service.answers import Job, Sense
+from planner.service.certificate import Certificate
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobStore
 from planner.service.record_store import RecordStore
@@ -61,39 +63,28 @@ class Standing:
 
 @dataclass(frozen=True)
 class JudgedCheck:
-    """A check of a calibration that counts, in a record or not yet in one."""
+    """A check that counts: ``number`` of its entry in the record, 0 where it is in none yet."""
 
-    job: str
-    finished: float
+    day: str
     check: CheckFile
-    recorded: bool
+    number: int = 0
+    job: str | None = None
+    finished: float = 0.0
 
-    @property
-    def day(self) -> str:
-        """When it was judged, UTC."""
-        return datetime.fromtimestamp(self.finished, UTC).date().isoformat()
-
-    def fault(self, serial: str) -> str:
-        """Say what it has found, of which robot, and what to do."""
-        note = "" if self.recorded or not serial else "; this check is not in the record yet"
-        return changed_text(serial, self.check, self.day, note)
+    def is_since(self, issued: Certificate) -> bool:
+        """Tell whether a certificate did not know of it."""
+        return self.number > issued.last_entry if self.number else self.finished >= issued.issued.timestamp()
 
 
-def change_text(check: CheckFile) -> str:
-    """Return what a failed check has found, and what to do."""
-    return "; ".join(filter(None, (check.cause, check.advice)))
-
-
-def changed_text(serial: str, check: CheckFile, day: object, note: str = "") -> str:
-    """Say that a robot has changed, by which check, and what to do."""
-    return f"the {f'robot {serial}' if serial else 'robot'} has changed: {change_text(check)} (check of {day}{note})"
-
-
-def newer_calibration_text(record: RobotRecord, entry: RecordEntry) -> str:
-    """Say that a calibration of a record has come after an entry; empty where none has."""
-    after = record.entries[record.entries.index(entry) + 1 :]
-    newer = next((e for e in after if e.file.kind == "calibration" and e.withdrawn is None), None)
-    return "" if newer is None else f"{record.file.serial} was calibrated anew on {newer.file.circumstances.date}"
+def _judge_by(serial: str, checks: Sequence[JudgedCheck]) -> Standing:
+    """Return what the first check that has failed says of a robot."""
+    failed = next((c for c in checks if not c.check.passed), None)
+    if failed is None:
+        return Standing(serial)
+    found = "; ".join(filter(None, (failed.check.cause, failed.check.advice)))
+    note = "" if failed.number or not serial else "; this check is not in the record yet"
+    robot = f"robot {serial}" if serial else "robot"
+    return Standing(serial, f"the {robot} has changed: {found} (check of {failed.day}{note})", failed.job)
 
 
 class Judge:
@@ -117,38 +108,43 @@ class Judge:
         """Return whether what an identification has found holds, by the record of its robot and by all checks."""
         documents = {o.sha256 for o in self._jobs.outputs(job) if o.name == "identification.json"}
         known = self._records.index.find_entry(documents)
-        checks = [c for sha256 in documents for c in self._checks(sha256)]
-        latest = checks[-1] if checks and not (checks[-1].check.passed or checks[-1].recorded) else None
-        if not known.serial:
-            if any(self._records.index.is_withdrawn(d) for d in documents):
-                return Standing("", "it was withdrawn from the record of its robot")
-            return Standing("", latest.fault(""), latest.job) if latest else Standing()
-        try:
-            record = self._records.read(known.serial)
-        except InputError as err:
-            return Standing(known.serial, f"the record of {known.serial} cannot be read: {err}")
-        entry = next(e for e in record.entries if e.number == known.number)
-        if newer := newer_calibration_text(record, entry):
-            return Standing(known.serial, newer)
-        if latest is not None:
-            return Standing(known.serial, latest.fault(known.serial), latest.job)
-        if (failure := record.failure) is not None:
-            day, check = failure
-            return Standing(known.serial, changed_text(known.serial, check, day))
-        return Standing(known.serial)
+        if known.serial:
+            try:
+                record = self._records.read(known.serial)
+            except InputError as err:
+                return Standing(known.serial, f"the record of {known.serial} cannot be read: {err}")
+            return self.standing_in(record, known.number, documents)
+        if any(self._records.index.is_withdrawn(d) for d in documents):
+            return Standing("", "it was withdrawn from the record of its robot")
+        return _judge_by("", self._unrecorded_checks(documents)[-1:])
 
-    def failed_checks(self, document: str) -> list[JudgedCheck]:
-        """Return the checks that have found a change since a calibration, by the SHA-256 of its document."""
-        return [c for c in self._checks(document) if not c.check.passed]
+    def standing_in(
+        self, record: RobotRecord, number: int, documents: set[str], issued: Certificate | None = None
+    ) -> Standing:
+        """Return whether an entry of a record holds: withdrawn, followed by a calibration, or by a check that failed.
 
-    def _checks(self, document: str) -> list[JudgedCheck]:
-        """Return the checks of a calibration that count, the latest last."""
+        The latest check counts; where a certificate was ``issued``, each since then. ``documents``: its SHA-256.
+        """
+        serial, place = record.file.serial, [e.number for e in record.entries].index(number)
+        if (said := record.entries[place].withdrawn) is not None:
+            return Standing(serial, f"its calibration was withdrawn on {said.date}: {said.reason}")
+        after = [(e, e.file.circumstances.date) for e in record.entries[place + 1 :] if e.withdrawn is None]
+        if newer := next((day for e, day in after if e.file.kind == "calibration"), None):
+            return Standing(serial, f"{serial} was calibrated anew on {newer}")
+        recorded = [
+            JudgedCheck(day.isoformat(), e.document, e.number) for e, day in after if isinstance(e.document, CheckFile)
+        ]
+        checks = sorted([*recorded, *self._unrecorded_checks(documents)], key=lambda c: (c.day, c.number == 0))
+        return _judge_by(serial, checks[-1:] if issued is None else [c for c in checks if c.is_since(issued)])
+
+    def _unrecorded_checks(self, documents: set[str]) -> list[JudgedCheck]:
+        """Return the checks of a calibration that are in no record, the latest last, each with its day, UTC."""
         found, index = [], self._records.index
-        for job in self._jobs.jobs_with("inputs", document, "check"):
+        for job in [j for d in documents for j in self._jobs.jobs_with("inputs", d, "check")]:
             output = next((o for o in self._jobs.outputs(job.id) if o.name == "check.json"), None)
-            if output is None or index.is_withdrawn(output.sha256):
+            if output is None or index.is_withdrawn(output.sha256) or index.find_entry({output.sha256}).serial:
                 continue
-            recorded = bool(index.find_entry({output.sha256}).serial)
-            check = read_check(self._files.path(output.sha256))
-            found.append(JudgedCheck(job.id, job.finished or 0.0, check, recorded))
+            finished, check = job.finished or 0.0, read_check(self._files.path(output.sha256))
+            day = datetime.fromtimestamp(finished, UTC).date().isoformat()
+            found.append(JudgedCheck(day, check, job=job.id, finished=finished))
         return found

@@ -14,7 +14,7 @@ from matplotlib.patches import Circle, Patch, Rectangle
 from planner.common.units import MDEG, MM, UM
 from planner.design.fixtures.places import Status
 from planner.design.observability.information import INDEX_RULES
-from planner.report.chart import BLUE, GREY, ORANGE, RED, SKY, Chart, Heatmap, Panel, ReferenceLine, Series
+from planner.report.chart import BLUE, GREY, ORANGE, RED, SKY, Chart, Heatmap, Panel, ReferenceLine, Series, log_ticks
 from planner.report.matplotlib_backend import figure_png, print_style
 from planner.studies.basis import BoundedCurve, StudyBasis
 from planner.studies.fixture_places import FixtureMap
@@ -276,9 +276,8 @@ def _draw_colour_bar(figure: Figure, axes: list[Axes], places: FixtureMap, colou
     better = "higher" if INDEX_RULES[places.index].maximise else "lower"
     bar = figure.colorbar(colours, ax=axes, shrink=0.85, aspect=35)
     bar.set_label(f"{places.index} over that of the present place, {places.poses} poses ({better} is better)")
-    inside = [float(f"{v:.2g}") for v in np.geomspace(low, high, 6)[1:-1]]
-    ticks = np.unique([low, *inside, high])
-    bar.set_ticks(ticks.tolist(), labels=[format_number(v) for v in ticks])
+    inside = {v: text for v, text in zip(*log_ticks((low, high), "10^{}"), strict=True) if low <= v <= high}
+    bar.set_ticks(list(inside), labels=list(inside.values()))
     bar.minorticks_off()
 
 

@@ -4,6 +4,7 @@ import re
 from io import BytesIO
 
 import numpy as np
+import pytest
 from matplotlib.image import imread
 
 from planner.report.chart import BLACK, GREEN, RED, Chart, ColourField, Panel, Series
@@ -46,6 +47,20 @@ def test_numbers_at_a_scale_of_colours_are_whole():
     field = ColourField(np.arange(4.0), np.arange(4.0), 0.00125 + 0.00025 * np.arange(16.0).reshape(4, 4), "moved (mm)")
     panel = Panel("", "reach (mm)", "", (), field=field, x_range=(0.0, 3.0), y_range=(0.0, 3.0))
     assert not ink(Chart("c", "", "", (panel, panel), columns=2))[:, -4:].any()
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ends"), [(0.05, 0.2, ("0.04", "0.20")), (0.0, 4.36, ("0", "5")), (0.125, 0.225, ("0.12", "0.24"))]
+)
+def test_numbers_at_a_scale_of_colours_are_few_round_and_distinct(low, high, ends):
+    field = ColourField(np.arange(2.0), np.arange(2.0), np.array([[low, high], [high, np.nan]]), "error (mm)")
+    values, texts = field.ticks
+    assert (texts[0], texts[-1]) == ends
+    assert (values[0], values[-1]) == pytest.approx(field.span)
+    assert len(set(texts)) == len(texts) <= 10
+    assert [float(t) for t in texts] == pytest.approx(values), "rounded away from nothing"
+    panel = Panel("", "reach (mm)", "", (), field=field)
+    assert all(f"<span>{end}</span>" in chart_html(Chart("c", "", "", (panel,))) for end in ends)
 
 
 def test_an_even_field_looks_even():

@@ -183,7 +183,7 @@ def test_a_failed_check_binds_before_anybody_records_it(plant):
     assert plant.delete(f"/api/jobs/{CHANGED}").status_code == 409, "what binds is not deleted"
     # recorded, then withdrawn with a reason: it was no check of this robot
     number_of_entry = add(plant, CHANGED, THIRD).json()["history"][-1]["number"]
-    assert "the check of" in plant.get(f"/api/certificates/{number}").json()["fault"]
+    assert "(check of" in plant.get(f"/api/certificates/{number}").json()["fault"]
     path = f"/api/records/KR6-0815/entries/{number_of_entry}/withdrawal"
     assert plant.post(path, json={"reason": ""}).status_code == 422
     known = plant.post(path, json={"reason": "the ball was not seated"}).json()
