@@ -2,7 +2,7 @@
 
 import math
 from datetime import date
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi import Path as InPath
@@ -19,9 +19,9 @@ from planner.service.job_folder import EverySystem, JobId
 from planner.service.record_index import (
     PLACE,
     RecordedEntry,
+    RecordSummary,
     RobotFilter,
     RobotState,
-    RobotSummary,
     robot_advice,
     robot_state,
     state_line,
@@ -45,19 +45,6 @@ class Reason(StrictModel):
     def withdrawal(self) -> Withdrawal:
         """The withdrawal, of whoever asks, today."""
         return Withdrawal(reason=self.reason, by=CALLER.get().name, date=date.today())
-
-
-class RecordSummary(StrictModel):
-    """A robot and how it stands."""
-
-    serial: str
-    robot: str
-    state: RobotState
-    advice: str
-    next_check: date | None = Field(description="after a failed check its own day: it is due at once")
-    due: str = Field(description="the same in words", examples=["now: master axis 3 and check again"])
-    entries: int
-    simulated: bool = Field(description="nobody has measured this robot: there is none")
 
 
 class HistoryEntry(StrictModel):
@@ -124,7 +111,7 @@ def list_records(
     found = context.records.index.list_robots(wanted, page.most + 1, page.after)
     if len(found) > page.most:
         response.headers["link"] = next_link(request, found[page.most - 1].place)
-    return [describe_robot(r) for r in found[: page.most]]
+    return found[: page.most]
 
 
 @RECORDS.get("/records/{serial}")
@@ -189,31 +176,6 @@ def find_calibration(context: ServiceContext, id: str) -> str | None:
     return made.id if made else None
 
 
-def describe_robot(robot: RobotSummary) -> RecordSummary:
-    """Return a robot as the lists show it."""
-    return RecordSummary(
-        serial=robot.serial,
-        robot=robot.robot,
-        state=robot.state,
-        advice=robot.advice,
-        next_check=robot.due,
-        due=robot.due_text,
-        entries=robot.entries,
-        simulated=robot.simulated,
-    )
-
-
-def _summary(record: RobotRecord) -> dict[str, Any]:
-    known = {"serial": record.file.serial, "robot": record.file.robot, "entries": len(record.entries)}
-    return known | {
-        "state": robot_state(record),
-        "advice": robot_advice(record),
-        "next_check": record.next_check,
-        "due": record.due_text,
-        "simulated": record.simulated,
-    }
-
-
 def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHistory:
     """Return a record as the interface shows it."""
     jobs = context.jobs.jobs_by_output([e.file.document_sha256 for e in record.entries])
@@ -232,7 +194,14 @@ def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHisto
         for e in record.entries
     ]
     return RecordHistory(
-        **_summary(record),
+        serial=record.file.serial,
+        robot=record.file.robot,
+        state=robot_state(record),
+        advice=robot_advice(record),
+        next_check=record.next_check,
+        due=record.due_text,
+        entries=len(record.entries),
+        simulated=record.simulated,
         line=state_line(record),
         certificates=certificate_numbers(context.records.path(record.file.serial)),
         history=history,

@@ -15,9 +15,12 @@ from datetime import date
 from pathlib import Path
 from typing import Literal
 
+from pydantic import Field
+
 from planner.checks.record import Circumstances, RobotRecord
 from planner.checks.record_changes import latest_day
 from planner.common.errors import InputError
+from planner.common.schema import StrictModel
 from planner.common.system import hold_lock
 from planner.service.database import Database
 
@@ -29,28 +32,22 @@ COLUMNS = "serial, robot, advice, due, due_text, entries, simulated"
 STATE = "CASE WHEN state = 'good' AND due < :today THEN 'check due' ELSE state END"
 
 
-@dataclass(frozen=True)
-class RobotSummary:
-    """A robot and how it stands today.
-
-    Attributes:
-        serial, robot: serial number and model.
-        state, advice: how it stands, and what a person does next.
-        due, due_text: day of the next check, and the same in words.
-        entries: their number.
-        simulated: nobody has measured it.
-        place: in the list, for the page behind it.
-    """
+class RecordSummary(StrictModel):
+    """A robot and how it stands today."""
 
     serial: str
     robot: str
     state: RobotState
     advice: str
-    due: date | None
-    due_text: str
+    next_check: date | None = Field(description="after a failed check its own day: it is due at once")
+    due: str = Field(description="the same in words", examples=["now: master axis 3 and check again"])
     entries: int
-    simulated: bool
-    place: str
+    simulated: bool = Field(description="nobody has measured this robot: there is none")
+
+    @property
+    def place(self) -> str:
+        """Place in the list, for the page behind it."""
+        return f"{IN_NEED.index(self.state)}~{self.next_check or ''}~{self.serial}"
 
 
 @dataclass(frozen=True)
@@ -86,11 +83,11 @@ class RecordIndex:
         self._folder, self._db = folder, database
         self._looking, self._looked = threading.Lock(), 0.0
 
-    def list_robots(self, wanted: RobotFilter, most: int, after: str = "") -> list[RobotSummary]:
+    def list_robots(self, wanted: RobotFilter, most: int, after: str = "") -> list[RecordSummary]:
         """Return robots, those in need first, then by the day of their next check; behind a place where one is given.
 
         Raises:
-            InputError: ``after`` is no place that a robot has (:attr:`RobotSummary.place`).
+            InputError: ``after`` is no place that a robot has (:attr:`RecordSummary.place`).
         """
         self.refresh()
         rank = " ".join(f"WHEN '{state}' THEN {k}" for k, state in enumerate(IN_NEED))
@@ -234,17 +231,17 @@ def _stamp(folder: Path) -> str:
         return ""
 
 
-def _summary(row: sqlite3.Row) -> RobotSummary:
-    return RobotSummary(
+def _summary(row: sqlite3.Row) -> RecordSummary:
+    state, day = row["state"], row["due"]
+    return RecordSummary(
         serial=row["serial"],
         robot=row["robot"],
-        state=row["state"],
-        advice=ADVICE.get(row["state"], row["advice"]),
-        due=date.fromisoformat(row["due"]) if row["due"] else None,
-        due_text=row["due_text"],
+        state=state,
+        advice=ADVICE.get(state, row["advice"]),
+        next_check=date.fromisoformat(day) if day else None,
+        due=row["due_text"],
         entries=row["entries"],
         simulated=bool(row["simulated"]),
-        place=f"{row['rank']}~{row['day']}~{row['serial']}",
     )
 
 

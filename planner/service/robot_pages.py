@@ -17,7 +17,7 @@ from planner.service.file_api import robot_entries, robot_title
 from planner.service.job_filter import JobFilter
 from planner.service.job_folder import JobId
 from planner.service.page_content import is_simulated
-from planner.service.record_api import RecordHistory, Serial, describe_record, describe_robot, find_record_entry
+from planner.service.record_api import RecordHistory, Serial, describe_record, find_record_entry
 from planner.service.record_index import RobotFilter
 from planner.service.rendering import render
 from planner.service.session_store import CellSession
@@ -48,7 +48,7 @@ def show_start(
         "start",
         robots=robot_entries(),
         title_of=robot_title,
-        records=[describe_robot(r) for r in found[:most]],
+        records=found[:most],
         known=context.records.index.count(),
         q=q,
         after=after,
@@ -85,7 +85,7 @@ def _robot_events(context: ServiceContext, record: RecordHistory) -> list[RobotE
     ]
     for number in reversed(record.certificates):
         c = find_certificate(context, number)
-        text = f"{number}, {c.certificate.use}: U = {c.certificate.expanded_mm:.3f} mm"
+        text = f"{number}, {c.certificate.use}: U = {c.certificate.expanded_text}"
         found.append(RobotEvent(c.certificate.issued, "certificate", f"/certificates/{number}", text, c.fault))
     wanted = JobFilter("compensation", "done", text=record.serial)
     for job in context.describe_all(context.jobs.list_jobs(wanted)):

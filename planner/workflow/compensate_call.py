@@ -59,9 +59,7 @@ class CompensateCall(Call):
     ] = None
     again: Annotated[bool, Option("add to the correction by another model, whose mark the file bears")] = False
     measuring: Annotated[bool, Option("correct a measuring program too, whose path is proven uncorrected only")] = False
-    despite_change: Annotated[
-        bool, Option("on a server: correct although the robot has changed, or its calibration holds no more")
-    ] = False
+    despite_change: Annotated[bool, Option("on a server: correct although the calibration holds no more")] = False
     date: Annotated[
         str | None,
         Option(

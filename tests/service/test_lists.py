@@ -193,7 +193,7 @@ def test_robots_in_need_come_first_and_a_damaged_record_hides_no_other(robots):
         ("A-damaged", "damaged"), ("D-changed", "changed"), ("C-due", "check due"), ("B-good", "good"),
     ]  # fmt: skip
     assert "hash differs" in found[0].advice
-    assert found[2].due == TODAY - timedelta(60)
+    assert found[2].next_check == TODAY - timedelta(60)
     assert [r.serial for r in robots.list_robots(RobotFilter(text="-DUE"), 10)] == ["C-due"]
     assert [r.serial for r in robots.list_robots(RobotFilter(state="check due"), 10)] == ["C-due"]
     assert [r.serial for r in robots.list_robots(RobotFilter(), 2, found[0].place)] == ["D-changed", "C-due"]

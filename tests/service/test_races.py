@@ -248,7 +248,7 @@ def test_a_page_is_of_one_moment(plant, monkeypatch, page):
     """The plan is deleted while the page is made; files are gone then, what the database knew is shown."""
     plant.run("a", outputs=[("plan.json", PLAN)])
     deleted = Meanwhile(lambda: plant.keeper.delete(A))
-    for module, name in ((pages, "_plans"), (pages, "_show_plan"), (robot_pages, "describe_robot")):
+    for module, name in ((pages, "_plans"), (pages, "_show_plan"), (robot_pages, "robot_entries")):
         before(monkeypatch, module, name, deleted)
     with client_of(plant.folder, workers=0, beside=0) as client:
         assert client.get(page).status_code == 200
