@@ -54,7 +54,8 @@ def correction_text(context: ServiceContext, job: Job) -> tuple[str, str]:
     """Return the error that is expected of a corrected program, and all that its command has said, line by line."""
     said = [f for f in job.files if f.name in ("printed", "log")]
     text = "\n".join(context.files.path(f.sha256).read_text(encoding="utf-8", errors="replace") for f in said)
-    lines = [line.rstrip() for line in text.splitlines() if line.strip() and not line.startswith("{")]
+    shown = text.replace(" out/", " ")  # the folder of the job, which a person never sees
+    lines = [line.rstrip() for line in shown.splitlines() if line.strip() and not line.startswith("{")]
     key = "  tool error  "
     return next((line.removeprefix(key) for line in lines if line.startswith(key)), ""), "\n".join(lines)
 

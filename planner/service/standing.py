@@ -116,7 +116,7 @@ class Judge:
             return self.standing_in(record, known.number, documents)
         if any(self._records.index.is_withdrawn(d) for d in documents):
             return Standing("", "it was withdrawn from the record of its robot")
-        return _judge_by("", self._unrecorded_checks(documents)[-1:])
+        return _judge_by("", self._made_checks(documents)[-1:])
 
     def standing_in(
         self, record: RobotRecord, number: int, documents: set[str], issued: Certificate | None = None
@@ -134,17 +134,20 @@ class Judge:
         recorded = [
             JudgedCheck(day.isoformat(), e.document, e.number) for e, day in after if isinstance(e.document, CheckFile)
         ]
-        checks = sorted([*recorded, *self._unrecorded_checks(documents)], key=lambda c: (c.day, c.number == 0))
-        return _judge_by(serial, checks[-1:] if issued is None else [c for c in checks if c.is_since(issued)])
+        made = self._made_checks(documents)
+        if issued is None:
+            recorded, made = recorded[-1:], made[-1:]
+        checks = [*recorded, *(c for c in made if not c.number)]
+        return _judge_by(serial, [c for c in checks if issued is None or c.is_since(issued)])
 
-    def _unrecorded_checks(self, documents: set[str]) -> list[JudgedCheck]:
-        """Return the checks of a calibration that are in no record, the latest last, each with its day, UTC."""
+    def _made_checks(self, documents: set[str]) -> list[JudgedCheck]:
+        """Return the checks of a calibration by jobs here, but those that were withdrawn; the latest last, days UTC."""
         found, index = [], self._records.index
         for job in [j for d in documents for j in self._jobs.jobs_with("inputs", d, "check")]:
             output = next((o for o in self._jobs.outputs(job.id) if o.name == "check.json"), None)
-            if output is None or index.is_withdrawn(output.sha256) or index.find_entry({output.sha256}).serial:
+            if output is None or index.is_withdrawn(output.sha256):
                 continue
             finished, check = job.finished or 0.0, read_check(self._files.path(output.sha256))
             day = datetime.fromtimestamp(finished, UTC).date().isoformat()
-            found.append(JudgedCheck(day, check, job=job.id, finished=finished))
+            found.append(JudgedCheck(day, check, index.find_entry({output.sha256}).number, job.id, finished))
         return found
