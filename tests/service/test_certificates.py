@@ -29,7 +29,7 @@ from tests.service.test_records import (
     add,
 )
 
-TWIN, PLAN, NEWER = "1" * 24, "d" * 24, "2" * 24
+TWIN, PLAN, NEWER, LATER = "1" * 24, "d" * 24, "2" * 24, "3" * 24
 CHECK = ("check", "run.csv", "--model", "calibrated")
 WITHIN, WITHIN_ANOTHER = 0.82, 3.1  # mm
 USE = {
@@ -184,6 +184,8 @@ def test_a_failed_check_binds_before_anybody_records_it(plant):
     # recorded, then withdrawn with a reason: it was no check of this robot
     number_of_entry = add(plant, CHANGED, THIRD).json()["history"][-1]["number"]
     assert "(check of" in plant.get(f"/api/certificates/{number}").json()["fault"]
+    judge(plant.store, LATER, 0.0, plant.known)
+    assert plant.get(f"/api/jobs/{CALIBRATED}").json()["fault"], "a check in no record clears none that is in one"
     path = f"/api/records/KR6-0815/entries/{number_of_entry}/withdrawal"
     assert plant.post(path, json={"reason": ""}).status_code == 422
     known = plant.post(path, json={"reason": "the ball was not seated"}).json()
