@@ -221,8 +221,8 @@ def _field(ax: Axes, field: ColourField) -> None:
     colours = LinearSegmentedColormap.from_list("field", list(FIELD_SCALE))
     image = ax.pcolormesh(field.x, field.y, values, cmap=colours, vmin=low, vmax=high, shading="nearest")
     bar = ax.figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03)
-    values, texts = field.ticks
-    bar.set_ticks(values, labels=texts)
+    at, texts = field.ticks
+    bar.set_ticks(at, labels=texts)
     bar.ax.tick_params(labelsize=8)
     bar.ax.spines["outline"].set_visible(False)
 
