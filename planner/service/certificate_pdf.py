@@ -168,4 +168,4 @@ def _budget(c: Certificate) -> list[Any]:
         "Of the tool's position where a program corrected by this calibration drives: distance in space that about 95 "
         "of 100 targets stay within. Standard uncertainties, added as squares (GUM, 5.1.2)."
     )
-    return [*_heading("Uncertainty"), _paragraph(about), _table([head, *rows, total], [52, WIDE_MM - 74, 22])]
+    return [*_heading("Uncertainty"), _paragraph(about), _table([head, *rows, total], [62, WIDE_MM - 84, 22])]

@@ -53,7 +53,8 @@ def collect_metrics(context: ServiceContext) -> list[Metric]:
     count = [((("kind", kind), ("state", state)), float(n)) for kind, state, n in jobs]
     seconds = [((("kind", kind),), total) for kind, _, total in spent]
     ended = [((("kind", kind),), float(n)) for kind, n, _ in spent]
-    robots = [((("state", state),), float(n)) for state, n in context.records.index.count_states().items()]
+    states = context.records.index.count_states(context.judge.unrecorded_changes())
+    robots = [((("state", state),), float(n)) for state, n in states.items()]
     return [
         Metric("edbb_info", "gauge", "Version of the planner.", [((("version", __version__),), 1.0)]),
         Metric("edbb_jobs", "gauge", "Jobs that are kept, by kind and state.", count),

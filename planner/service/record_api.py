@@ -18,6 +18,7 @@ from planner.service.job_api import LIST_MOST, next_link
 from planner.service.job_folder import EverySystem, JobId
 from planner.service.record_index import (
     PLACE,
+    UNRECORDED,
     RecordedEntry,
     RecordSummary,
     RobotFilter,
@@ -108,7 +109,8 @@ def list_records(
 ) -> list[RecordSummary]:
     """List the robots that have a record, those in need first; the header ``Link`` leads to the next page."""
     wanted = RobotFilter(page.q, page.robot, page.state)
-    found = context.records.index.list_robots(wanted, page.most + 1, page.after)
+    changed = context.judge.unrecorded_changes()
+    found = context.records.index.list_robots(wanted, page.most + 1, page.after, changed)
     if len(found) > page.most:
         response.headers["link"] = next_link(request, found[page.most - 1].place)
     return found[: page.most]
@@ -179,7 +181,15 @@ def find_calibration(context: ServiceContext, id: str) -> str | None:
 def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHistory:
     """Return a record as the interface shows it."""
     jobs = context.jobs.jobs_by_output([e.file.document_sha256 for e in record.entries])
-    moved = list(record.differences())
+    moved, state, line, advice = (
+        list(record.differences()),
+        robot_state(record),
+        state_line(record),
+        robot_advice(record),
+    )
+    if changed := context.judge.unrecorded_changes().get(record.file.serial):
+        state, advice = "changed", UNRECORDED
+        line = f"changed on {changed.day}{f': {changed.check.cause}' if changed.check.cause else ''}"
     history = [
         HistoryEntry(
             number=e.number,
@@ -196,13 +206,13 @@ def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHisto
     return RecordHistory(
         serial=record.file.serial,
         robot=record.file.robot,
-        state=robot_state(record),
-        advice=robot_advice(record),
+        state=state,
+        advice=advice,
         next_check=record.next_check,
         due=record.due_text,
         entries=len(record.entries),
         simulated=record.simulated,
-        line=state_line(record),
+        line=line,
         certificates=certificate_numbers(context.records.path(record.file.serial)),
         history=history,
         check_days=[when for when, _ in record.checks],

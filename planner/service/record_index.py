@@ -8,7 +8,7 @@ import re
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import date
@@ -28,8 +28,11 @@ RobotState = Literal["good", "check due", "changed", "not calibrated", "never me
 IN_NEED = ("damaged", "changed", "check due", "not calibrated", "never measured", "good", "withdrawn")  # as listed
 LOOK_S = 2.0  # between two looks at the stamps of all folders
 ADVICE = {"good": "nothing until the next check", "check due": "measure the poses of a check", "withdrawn": "nothing"}
-COLUMNS = "serial, robot, advice, due, due_text, entries, simulated"
-STATE = "CASE WHEN state = 'good' AND due < :today THEN 'check due' ELSE state END"
+UNRECORDED = "add its failed check to the record"
+IS_CHANGED = "serial IN (SELECT value FROM json_each(:changed))"
+ROBOT_ADVICE = f"CASE WHEN {IS_CHANGED} THEN '{UNRECORDED}' ELSE advice END AS advice"
+COLUMNS = f"serial, robot, {ROBOT_ADVICE}, due, due_text, entries, simulated"
+STATE = f"CASE WHEN {IS_CHANGED} THEN 'changed' WHEN state = 'good' AND due < :today THEN 'check due' ELSE state END"
 
 
 class RecordSummary(StrictModel):
@@ -83,8 +86,12 @@ class RecordIndex:
         self._folder, self._db = folder, database
         self._looking, self._looked = threading.Lock(), 0.0
 
-    def list_robots(self, wanted: RobotFilter, most: int, after: str = "") -> list[RecordSummary]:
+    def list_robots(
+        self, wanted: RobotFilter, most: int, after: str = "", changed: Collection[str] = ()
+    ) -> list[RecordSummary]:
         """Return robots, those in need first, then by the day of their next check; behind a place where one is given.
+
+        ``changed``: serial numbers of robots that have changed by a check that is in no record yet.
 
         Raises:
             InputError: ``after`` is no place that a robot has (:attr:`RecordSummary.place`).
@@ -101,7 +108,8 @@ class RecordIndex:
         )
         values = {
             "today": latest_day().isoformat(), "text": wanted.text.lower(), "robot": wanted.robot,
-            "state": wanted.state, "simulated": wanted.simulated, "most": most, **_parse_place(after),
+            "state": wanted.state, "simulated": wanted.simulated, "most": most, "changed": json.dumps([*changed]),
+            **_parse_place(after),
         }  # fmt: skip
         return [_summary(row) for row in self._db.connection.execute(query, values).fetchall()]
 
@@ -109,11 +117,12 @@ class RecordIndex:
         """Return the number of robots that have a record."""
         return int(self._db.read("SELECT count(*) FROM robots")[0][0])
 
-    def count_states(self) -> dict[str, int]:
-        """Return how many robots are in each state today."""
+    def count_states(self, changed: Collection[str] = ()) -> dict[str, int]:
+        """Return how many robots are in each state today; ``changed`` as of :meth:`list_robots`."""
         self.refresh()
         query = f"SELECT {STATE} AS now, count(*) FROM robots GROUP BY now"
-        found = dict(self._db.connection.execute(query, {"today": latest_day().isoformat()}).fetchall())
+        values = {"today": latest_day().isoformat(), "changed": json.dumps([*changed])}
+        found = dict(self._db.connection.execute(query, values).fetchall())
         return {state: int(found.get(state, 0)) for state in IN_NEED}
 
     def find_entry(self, documents: set[str]) -> RecordedEntry:
@@ -130,6 +139,14 @@ class RecordIndex:
         serial, number, kind, circumstances, simulated = rows[0]
         said = Circumstances.model_validate_json(circumstances)
         return RecordedEntry(serial, number, kind, said, bool(simulated))
+
+    def unrecorded_checks(self) -> list[str]:
+        """Return the finished checks that are in no record."""
+        query = (
+            "SELECT job FROM outputs JOIN jobs ON jobs.id = job WHERE kind = 'check' AND state = 'done'"
+            " AND name = 'check.json' AND sha256 NOT IN (SELECT document_sha256 FROM recorded)"
+        )
+        return [row[0] for row in self._db.read(query)]
 
     def is_withdrawn(self, document: str) -> bool:
         """Tell whether a document was in a record and counts in none."""

@@ -43,7 +43,8 @@ def show_start(
 ) -> HTMLResponse:
     """The robots of this plant with their states, those that ship with cells, and what was done lately."""
     most = 50  # of a plant on the first page
-    found = context.records.index.list_robots(RobotFilter(q), most + 1, after)
+    changed = context.judge.unrecorded_changes()
+    found = context.records.index.list_robots(RobotFilter(q), most + 1, after, changed)
     return render(
         "start",
         robots=robot_entries(),

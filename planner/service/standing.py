@@ -140,6 +140,17 @@ class Judge:
         checks = [*recorded, *(c for c in made if not c.number)]
         return _judge_by(serial, [c for c in checks if issued is None or c.is_since(issued)])
 
+    def unrecorded_changes(self) -> dict[str, JudgedCheck]:
+        """Return by serial number the failed checks that bind though they are in no record."""
+        found = {}
+        for job in self._records.index.unrecorded_checks():
+            documents = {i.sha256 for i in self._jobs.get(job).command.inputs if i.name.endswith("identification.json")}
+            known = self._records.index.find_entry(documents)
+            latest = self._made_checks(documents)[-1:] if known.serial else []
+            if [c.job for c in latest if not c.check.passed] == [job]:
+                found[known.serial] = latest[0]
+        return found
+
     def _made_checks(self, documents: set[str]) -> list[JudgedCheck]:
         """Return the checks of a calibration by jobs here, but those that were withdrawn; the latest last, days UTC."""
         found, index = [], self._records.index

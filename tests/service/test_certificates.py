@@ -155,6 +155,11 @@ def test_a_failed_check_binds_before_anybody_records_it(plant):
     assert "WITHDRAWN" in sheet_text(plant, number)
     assert "Withdrawn" in plant.get(f"/certificates/{number}").text
     assert issue(plant).status_code == 409
+    record, (listed,) = plant.get("/api/records/KR6-0815").json(), plant.get("/api/records").json()
+    assert (record["state"], listed["state"]) == ("changed", "changed")
+    assert record["advice"] == listed["advice"] == "add its failed check to the record"
+    assert record["line"].endswith(": zero of joint 3")
+    assert 'edbb_robots{state="changed"} 1' in plant.get("/metrics").text
     job = plant.get(f"/api/jobs/{CALIBRATED}").json()
     assert "the robot KR6-0815 has changed: zero of joint 3" in job["fault"]
     for page in (
