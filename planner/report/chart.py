@@ -59,9 +59,6 @@ class Heatmap:
     x_names: tuple[str, ...]
 
 
-SCALE_TICKS = 8  # at a scale of colours, at most
-
-
 @dataclass(frozen=True)
 class ColourField:
     """A quantity over a plane in colours, from pale (small) to dark (large).
@@ -88,13 +85,13 @@ class ColourField:
             low, high = float(np.nanmin(self.values)), float(np.nanmax(self.values))
             spare = max(0.0, 0.1 * (abs(low) + abs(high)) - (high - low)) / 2  # a tenth of the mean on either side
             low, high = low - spare, high + (spare or float(low == high))
-        step = _tick_step((low, high), SCALE_TICKS)
+        step = _tick_step((low, high))
         return float(step * np.floor(low / step + 1e-9)), float(step * np.ceil(high / step - 1e-9))
 
     @property
     def ticks(self) -> tuple[list[float], list[str]]:
         """Values at the scale of the colours, its ends among them, and their texts."""
-        return linear_ticks(self.span, SCALE_TICKS)
+        return linear_ticks(self.span)
 
 
 @dataclass(frozen=True)
@@ -210,14 +207,14 @@ def log_ticks(span: Span, power: str) -> tuple[list[float], list[str]]:
     return values, [f"{v:.{max(-ten, 0)}f}" for v in values]
 
 
-def _tick_step(span: Span, most: int) -> float:
+def _tick_step(span: Span, most: int = 8) -> float:
     """Return how far the ticks of an even axis are apart: 1, 2 or 5 times a power of ten."""
     rough = max(span[1] - span[0], 1e-300) / max(most, 1)
     ten = int(np.floor(np.log10(rough)))
     return float(next(m for m in (1, 2, 5, 10) if m * 10.0**ten >= rough * (1 - 1e-9)) * 10.0**ten)
 
 
-def linear_ticks(span: Span, most: int) -> tuple[list[float], list[str]]:
+def linear_ticks(span: Span, most: int = 8) -> tuple[list[float], list[str]]:
     """Return where an even axis has ticks, at most about so many, and their texts."""
     (low, high), step = span, _tick_step(span, most)
     places = max(0, -int(np.floor(np.log10(step) + 1e-9)))
