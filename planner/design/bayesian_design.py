@@ -31,6 +31,7 @@ from planner.design.free_parameters import undeclared_errors
 from planner.design.goal_of_poses import settle_until
 from planner.design.selection.search import add_greedily, exchange_singly
 from planner.design.tool_error_bound import bound_tool_error
+from planner.design.unnamed_errors import identified_errors
 from planner.runs.run import Samples
 
 
@@ -262,7 +263,12 @@ def choose_bayesian_poses(
         chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first[:count]), limit)]
         return _use_every_place(place, chosen, white * start, weight)
 
-    chosen = settle(len(first)) if until is None else settle_until(unknown, white, first, until, settle)
+    def factor(which: np.ndarray) -> float:
+        """Return by how much more an identification leaves after some candidates: it learns what acts."""
+        left = identified_errors(unknown, cell, there := pool.samples.take(considered[which]))
+        return error_limit(left, left.white(there)) / error_limit(unknown, white[which])
+
+    chosen = settle(len(first)) if until is None else settle_until(unknown, white, first, until, settle, factor)
     after = errors_after(white[chosen], unknown)
 
     def limits() -> tuple[float, float, float, float]:

@@ -61,7 +61,7 @@ class ExpectedErrors(Protocol):
 
     @property
     def condition(self) -> str:
-        """The end of a sentence that says the same; empty where a sentence needs none."""
+        """A further sentence that says the same, behind a stop; empty where none is needed."""
 
     def on(self, model: Model) -> Self:
         """Return the same errors in another model of the same parameters, one in which the gauge stands elsewhere."""
@@ -76,7 +76,7 @@ class ExpectedErrors(Protocol):
         """Return the error [m] that 95 of 100 robots stay below, from that quantile of its square."""
 
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
-        """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
+        """Say what the session would leave [m], written and as a limit [mm]; the last sentence has no stop."""
 
 
 class GoalOutOfReachError(NoSolutionError):
@@ -88,11 +88,15 @@ class GoalOutOfReachError(NoSolutionError):
         until: what 95 of 100 robots were to stay below [m].
         most: the most poses of a plan.
         best: what 95 of 100 robots stay below after so many [m].
+        factor: by which that is larger than ``unknown`` says.
     """
 
-    def __init__(self, text: str, unknown: ExpectedErrors, white: Array, until: float, most: int, best: float) -> None:
+    def __init__(
+        self, text: str, unknown: ExpectedErrors, white: Array, until: float, most: int, best: float, factor: float
+    ) -> None:
         super().__init__(text)
-        self.unknown, self.white, self.until, self.most, self.best = unknown, white, until, most, best
+        self.unknown, self.white, self.until, self.most = unknown, white, until, most
+        self.best, self.factor = best, factor
 
 
 @dataclass(frozen=True)

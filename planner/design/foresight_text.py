@@ -30,17 +30,17 @@ def describe_numbers_of_poses(expected: BayesianDesign) -> str:
 
 
 def describe_forecast(expected: ErrorForecast) -> str:
-    """Return the error to be expected in a sentence, and how near to the least it is where that chose the poses."""
+    """Return the error to be expected, and how near to the least it is where that chose the poses; no stop ends it."""
     left, at_most = (f"{float(to_mm(v)):.3f}" for v in (expected.left, expected.at_most))
     proof = ""
     if isinstance(expected, BayesianDesign):
         on_grid, bound = (f"{float(to_mm(v)):.3f} mm" for v in (expected.on_grid, expected.bound))
         n = len(expected.chosen)
         if expected.unknown.doubt:
-            proof = f"; with sizes that are known they would leave {on_grid}, and no {n} candidates less than {bound}"
+            proof = f". With sizes that are known they would leave {on_grid}, and no {n} candidates less than {bound}"
         else:
             moved = "" if on_grid == f"{left} mm" else f" (those chosen among them {on_grid}, before they were moved)"
-            proof = f"; no {n} candidates leave less than {bound}{moved}"
+            proof = f". No {n} candidates leave less than {bound}{moved}"
     return f"{expected.unknown.describe(expected.left, left, at_most)}{proof}{expected.unknown.condition}"
 
 

@@ -183,7 +183,7 @@ class UndeclaredErrors:
     assumptions: ClassVar[str] = ASSUMED
     before_label: ClassVar[str] = "as such a robot comes"
     condition: ClassVar[str] = (
-        f"; expected where gears err by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad, in up to {HIGHEST_GEAR_WAVE:.0f} "
+        f". Expected where gears err by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad, in up to {HIGHEST_GEAR_WAVE:.0f} "
         "periods a turn, joints yield and have lost motion, and the base turns"
     )
 
@@ -206,11 +206,11 @@ class UndeclaredErrors:
         return self.state(square)
 
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
-        """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
-        few = " (too few poses for more than the geometry)" if left > self.untraced_error else ""
+        """Say what the session would leave [m], written and as a limit [mm]; the last sentence has no stop."""
+        few = " These are too few poses for more than the geometry." if left > self.untraced_error else ""
         return (
-            f"the tool keeps an error of {left_mm} mm (rms over the workspace; 95 of 100 such robots below "
-            f"{at_most_mm} mm){few}; a fit of the geometry alone leaves {float(to_mm(self.untraced_error)):.3f} mm"
+            f"the tool keeps an error of {left_mm} mm, rms over the workspace. 95 of 100 such robots stay below "
+            f"{at_most_mm} mm.{few} A fit of the geometry alone leaves {float(to_mm(self.untraced_error)):.3f} mm"
         )
 
     @property

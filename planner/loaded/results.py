@@ -30,7 +30,8 @@ def loaded_sentences(circles: Sequence[EvaluatedCircle], found: JointCompliances
         out.append(
             f"At {name} the arm yields by {deflection.min() / UM:.0f} to {deflection.max() / UM:.0f} µm along the bar "
             f"between {abs(loads[0]):.0f} and {abs(loads[-1]):.0f} N. Without that the loads' curves agree within "
-            f"{c.spread / UM:.0f} µm ({c.bent / UM:.0f} µm if the yielding at each angle may be any straight line)."
+            f"{c.spread / UM:.0f} µm. They do within {c.bent / UM:.0f} µm if the yielding at each angle may be any "
+            "straight line."
         )
         out.append(
             f"The circle's centre is {np.linalg.norm(c.centre_offset) / MM:.3f} mm off its ball (once a turn: "

@@ -179,7 +179,7 @@ class RemainingErrors:
         return float(now + max(later - now, 0.0) * (1.0 - left)) * self._root_with_rest(square)
 
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
-        """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
+        """Say what the session would leave [m], written and as a limit [mm], without a stop."""
         return (
             f"the tool's error {self.where}, {to_mm(self.untraced_error):.3f} mm as stated now (95 % below "
             f"{to_mm(self.limit_before):.3f} mm), is expected to be {left_mm} mm (95 % below "

@@ -107,7 +107,7 @@ def computed_text(c: Calibration) -> tuple[str, ...]:
     return (
         f"{count_text(len(c.run))} readings; {len(c.fit.errors)} of {every} parameters fitted. The condition number of "
         f"the identification Jacobian, scaled by the prior sigmas, is {condition}.",
-        f"The robot as written is {released_text(c)}. ± is the root of the expected squared error of a parameter; what "
+        f"The robot as written is {released_text(c)}. ± is the root of the expected squared error of a parameter. What "
         "the run says little of is drawn towards its nominal value.",
         "The error over the workspace is judged with robots drawn from the posterior, the base aligned anew.",
     )
@@ -234,7 +234,7 @@ def _fall_text(step: FindingStep, unit: str, is_one_of_many: bool, seen: Mapping
     """Say how the errors fell when an effect was added, or under which number that stands, once for one stage."""
     before, after = step.before, step.after
     if (number := seen.get((before.name, after.name))) is not None:
-        return f"It was added together with {number}., where the fall of the errors stands."
+        return f"It was added together with cause {number}: the fall of the errors stands there."
     others = [e for e in after.effects if e not in before.effects and e != step.what]
     along = f" (with {', '.join(others)})" if others else ""
     held, fitted = (
@@ -293,8 +293,9 @@ def _rivals(cause: Finding) -> str:
 def _chance(log_p: float) -> str:
     ten = log_p / np.log(10)
     if ten < -300:
-        return "below 10^-300"
-    return f"10^{ten:.0f}" if ten < -4 else digits(float(np.exp(log_p)), 2)
+        return "less than one in 10³⁰⁰"
+    raised = f"{-ten:.0f}".translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"one in 10{raised}" if ten < -4 else digits(float(np.exp(log_p)), 2)
 
 
 def limit_table(c: Calibration) -> list[Row]:

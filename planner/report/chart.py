@@ -211,7 +211,10 @@ def _tick_step(span: Span, most: int = 8) -> float:
     """Return how far the ticks of an even axis are apart: 1, 2 or 5 times a power of ten."""
     rough = max(span[1] - span[0], 1e-300) / max(most, 1)
     ten = int(np.floor(np.log10(rough)))
-    return float(next(m for m in (1, 2, 5, 10) if m * 10.0**ten >= rough * (1 - 1e-9)) * 10.0**ten)
+    step = float(next(m for m in (1, 2, 5, 10) if m * 10.0**ten >= rough * (1 - 1e-9)) * 10.0**ten)
+    if np.floor(span[1] / step + 1e-9) - np.ceil(span[0] / step - 1e-9) < 1:  # one number gives no scale
+        step /= 5.0 if round(step / 10.0**ten) == 5 else 2.0
+    return step
 
 
 def linear_ticks(span: Span, most: int = 8) -> tuple[list[float], list[str]]:

@@ -233,8 +233,8 @@ def finding_chart(facts: CalibrationFacts, told: ToldFinding) -> Chart:
     what = "each as the error of the effect's own axis" if of_axis else "along what the effect moves"
     comma = "," if of_axis else ""
     caption = (
-        f"Held-out residuals{comma} {what}. Points: readings; black: their mean; red: the effect as fitted in the end, "
-        "less what the model before it could take up."
+        f"Held-out residuals{comma} {what}. Points: readings; black: their mean; orange: the effect as fitted in the "
+        "end, less what the model before it could take up."
     )
     return Chart(told.name, told.finding.note, caption, tuple(panels), columns=2)
 

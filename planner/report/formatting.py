@@ -95,7 +95,6 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
         )
         return (
             *said,
-            "No other choice of candidate poses can be better than that: it is proven.",
             *moved,
             f"{choice.index}, the {rule.of_raw}, is {digits(choice.value, 4)} here; it did not choose these poses.",
         )

@@ -10,7 +10,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.units import Array, to_deg, to_mm
 from planner.design.bayesian_design import BayesianDesign
-from planner.design.foresight_text import describe_forecast, describe_numbers_of_poses
+from planner.design.foresight_text import describe_numbers_of_poses
 from planner.design.observability.information import INDEX_RULES
 from planner.design.selection.index_curves import IndexCurve
 from planner.report.chart import (
@@ -95,8 +95,8 @@ def expected_error_chart(expected: BayesianDesign) -> Chart:
     # 30: poses, before which errors are off the picture
     top = 1.5 * max(untraced, float(to_mm(expected.after[min(len(n), 30) - 1])))
     caption = (
-        f"As the poses of this plan are added: {describe_forecast(expected)}. Plans of their own for other "
-        f"numbers would leave about: {describe_numbers_of_poses(expected)}."
+        "The error as the poses of this plan are added. Plans of their own for other numbers would leave about: "
+        f"{describe_numbers_of_poses(expected)}."
     )
     # 1.35: times the largest number of poses: the lines' labels stand beside the points
     wide = 1.35 * max([len(n), *(f.poses for f in by_number)])

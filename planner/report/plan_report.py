@@ -76,7 +76,7 @@ def _headline(plan: Plan) -> str:
     minutes = sum(d.trajectory.duration_s for d in plan.drives) / 60
     if (e := plan.forecast) is None:
         return f"{minutes:.0f} minutes of driving, {len(plan.choice.q)} poses"
-    return f"{minutes:.0f} minutes of driving: from about {_mm(e.before)} to {_mm(e.left)} mm"
+    return f"{minutes:.0f} minutes of driving: tool error from about {_mm(e.before)} to {_mm(e.left)} mm"
 
 
 def _expectation(plan: Plan, forecast: Forecast | None) -> str:

@@ -105,7 +105,8 @@ def _panel(panel: Panel, named: set[str]) -> str:
         f'<svg viewBox="0 0 {GRID} {GRID}" preserveAspectRatio="none" aria-hidden="true">{picture}{under}{inside}</svg>'
     )
     marks = "".join(f'<span class="tick" style="top:{p}%">{t}</span>' for p, t in down)
-    feet = "".join(f'<span class="tick" style="left:{p}%">{t}</span>' for p, t in across)
+    # 97: [%] of the width, from which half of a number would stand outside
+    feet = "".join(f'<span class="tick{" end" if p > 97 else ""}" style="left:{p}%">{t}</span>' for p, t in across)
     slanted = " slanted" if panel.cells else ""
     return (
         f'<div class="panel"{style}>{_head(panel, named)}<div class="plot">'
@@ -185,7 +186,11 @@ def _bars(s: Series, x: _Axis, y: _Axis) -> str:
 def _bar_texts(s: Series, x: _Axis, y: _Axis) -> str:
     places = ((min(x.percent(float(a)), 100.0), y.percent(float(b))) for a, b in zip(s.x, s.y, strict=True))
     each = zip(places, s.texts, strict=False)
-    return "".join(f'<span class="beside" style="left:{a}%;top:{b}%">{escape(t)}</span>' for (a, b), t in each)
+    # 50: [%] of the width, from which a phone has room on the left of a text alone
+    return "".join(
+        f'<span class="beside{" far" if a > 50 else ""}" style="left:{a}%;top:{b}%">{escape(t)}</span>'
+        for (a, b), t in each
+    )
 
 
 def _reference_line(line: ReferenceLine, x: _Axis, y: _Axis) -> str:

@@ -14,6 +14,7 @@ from planner.design.discrimination.power import Discrimination
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice, warn_too_few_readings
+from planner.effects.compliance import LEAST_LOAD
 from planner.effects.context import Context
 from planner.model.tool_error import uniform_states
 from planner.motion.collision.body_gaps import describe_body_gaps
@@ -51,7 +52,7 @@ def load_notes(cell: Cell, samples: Samples) -> tuple[str, ...]:
     states = Samples.at(uniform_states(cell, 1000, 0))
     here, anywhere = (Context(setup, s).load_torque for s in (samples, states))
     low, high = here.min(axis=0), here.max(axis=0)
-    beyond = ((anywhere < low) | (anywhere > high)).mean(axis=0)
+    beyond = np.where(np.abs(anywhere).max(axis=0) > LEAST_LOAD, ((anywhere < low) | (anywhere > high)).mean(axis=0), 0)
     said = [
         f"joint {k + 1} ({beyond[k]:.0%}; measured {low[k]:.3g} to {high[k]:.3g} Nm, there "
         f"{anywhere[:, k].min():.3g} to {anywhere[:, k].max():.3g} Nm)"

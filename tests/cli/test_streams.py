@@ -1,4 +1,4 @@
-"""Results go to standard output, progress and notes to standard error; exit codes say what was judged."""
+"""Results and their notes go to standard output, progress to standard error; exit codes say what was judged."""
 
 import json
 from dataclasses import replace

@@ -87,6 +87,18 @@ def test_a_tutorial_is_done_as_it_is_written(tutorial, tmp_path, monkeypatch):
         assert Path(cell).is_file()
 
 
+def test_the_screen_of_the_kuka_page_is_what_the_program_says(tmp_path):
+    page, said = PAGES["docs/tutorials/kuka-bar.md"], ""
+    (shown,) = re.findall(r"^```text\n(  drawn .*?)^```", page, re.MULTILINE | re.DOTALL)
+    for words in commands(page):
+        if words[0] == "robots":
+            done = edbb(*words, cwd=tmp_path)
+            assert done.returncode == 0, done.stderr
+            said += done.stdout
+    assert shown in said
+    assert (tmp_path / "kr10.svg").read_text().startswith("<svg")
+
+
 def test_every_tutorial_is_followed():
     followed = test_a_tutorial_is_done_as_it_is_written.pytestmark[0].args[1]
     assert {f"docs/tutorials/{name}.md" for name in followed} == {p for p in PAGES if p.startswith("docs/tutorials/")}

@@ -164,7 +164,7 @@ def test_a_fall_of_errors_that_several_causes_brought_together_is_told_once(c: C
     assert len(sections) >= 2
     told_in = [k for k, lines in enumerate(sections) if any(line.startswith("Held-out error") for line in lines)]
     assert told_in == [0]
-    assert all(any("added together with 1." in line for line in lines) for lines in sections[1:])
+    assert all(any("added together with cause 1:" in line for line in lines) for lines in sections[1:])
 
 
 def test_the_size_of_the_fit_stands_beside_that_of_the_robot_as_written(told: CalibrationFacts) -> None:

@@ -128,8 +128,8 @@ def _cure(robot: Robot) -> str:
     if other is not None and not find_body_gaps(other):
         return f'with convention = "{other.convention}" all bodies meet at their joints: are the rows of that one?'
     return (
-        "give each link bodies that reach from its joint to the next, as the data sheet's drawing has it (from_mm and "
-        f"to_mm in the frame of link). Or take all [[bodies]] out of {robot.path.name}: then bar and tool alone are "
+        "give each link bodies that reach from its joint to the next, as the data sheet's drawing has it: from_mm and "
+        f"to_mm in the frame of link. Or take all [[bodies]] out of {robot.path.name}: then bar and tool alone are "
         "checked, and it is said"
     )
 
