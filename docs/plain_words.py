@@ -103,6 +103,14 @@ def program_texts(path: Path) -> Iterator[tuple[int, str]]:
             yield node.lineno, text
 
 
+def docstring_sentences(path: Path) -> Iterator[str]:
+    """Yield the sentences of a module's docstrings; each attribute, argument and error begins a new one."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
+            for part in re.split(r"\n\s*\n|\n(?=\s*\w+(?:, \w+)*: )", text):
+                yield from split_sentences(" ".join(part.split()))
+
+
 def template_sentences(text: str) -> Iterator[str]:
     """Yield the sentences of a template of a page: what stands between its tags."""
     text = re.sub(r"<(script|style).*?</\1>|\{#.*?#\}|\{%.*?%\}", "\n", text, flags=re.DOTALL)

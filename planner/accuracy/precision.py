@@ -195,7 +195,7 @@ def judge_repeated_centrings(
     """Judge the repeated centrings of a run: where the robot's axes and the last readings put the ball each time.
 
     The nominal geometry is near enough: centrings of one pose differ by micrometres. What the arm's axes do not show,
-    its repeatability, is part of the figures; a CMM beside the head, as in the paper, would leave it out.
+    its repeatability, is part of the figures. A CMM beside the head, as in the paper, would leave it out.
 
     Raises:
         InputError: no run of balls, or it names no poses, or none was centred more than once.

@@ -30,7 +30,7 @@ class MeasurementSetup(Placement):
         """Corrections of the base, the robot, the tool point, and for a probe with orientation its turn.
 
         The base stands first so that a shift of the gauge, a soft foundation and a tracker's frame are transforms like
-        all others; the tool point is at the flange here, see :meth:`offsets`.
+        all others. The tool point is at the flange here, see :meth:`offsets`.
         """
         tool = xyz_transforms("map_", "translation")
         probe = xyz_transforms("probe_r", "rotation") if self.gauge.angles else []

@@ -1,6 +1,6 @@
 """How far inside the gauge's workspace a state lies: limits, bar length, ball-joint cones and cable, in one table.
 
-Each column is a margin that is positive inside; the candidates' filters, the support-pose planner and the continuous
+Each column is a margin that is positive inside. The candidates' filters, the support-pose planner and the continuous
 check of the path all use this one table.
 """
 
@@ -114,7 +114,7 @@ class Workspace:
         """Turn of the tool about the bar, (n,) [rad] in (−π, π], zero at the mount pose (at home while there is none).
 
         A line painted on the bar is carried without twist from the fixture's axis to the bar's direction, another
-        from the tool's axis to the bar; the angle between them is what a cable along the bar is twisted by.
+        from the tool's axis to the bar. The angle between them is what a cable along the bar is twisted by.
         """
         return wrap_angle(self._raw_spin(q) - self.zero_spin)
 

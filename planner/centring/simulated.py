@@ -18,7 +18,7 @@ from planner.simulation.truth import Truth
 class SimulatedArm:
     """Robot and indicators at once: a :class:`RobotLink` and :class:`Indicators` of one cell.
 
-    The controller believes in the nominal robot; where the tool point truly is, and what the indicators then show, the
+    The controller believes in the nominal robot. Where the tool point truly is, and what the indicators then show, the
     errors of ``truth`` say, with the robot's repeatability anew after each move between poses.
     """
 

@@ -1,7 +1,7 @@
 """What has changed, by probability: all that may have is weighed as an identification weighs the causes of a finding.
 
 A change is a cause whose size is one of a few, over the orders of magnitude, and its values are averaged over (the
-marginal likelihood of ``identification.comparison``); so is the noise, which the baseline knows as well as its readings
+marginal likelihood of ``identification.comparison``). So is the noise, which the baseline knows as well as its readings
 were many. One reading that is wrong is a cause as well, and so is what has no name: each reading off by itself. That
 something has changed is for the alarm to say (``detection``); the probabilities are of what, if anything has.
 """

@@ -1,6 +1,6 @@
 """Bayesian I-optimal design: the candidates that leave the smallest expected error of the tool, and a bound on it.
 
-The posterior covariance C of all errors under prior and readings is that of a Bayesian fit; a reading a with noise s
+The posterior covariance C of all errors under prior and readings is that of a Bayesian fit. A reading a with noise s
 takes a C W C a' / (s^2 + a C a') off the mean square error trace(W C) of the tool (Chaloner and Verdinelli 1995,
 Statistical Science 10(3), 3.1; greedy as Krause, Singh and Guestrin 2008, JMLR 9).
 """

@@ -2,7 +2,7 @@
 
 Of readings (``learn_errors``) by their marginal likelihood; of estimates of several robots (``learn_sizes``) by EM:
 
-Each error x_i of a family is normal with the family's size s; before anything is seen s² is scaled-inverse-chi-square
+Each error x_i of a family is normal with the family's size s. Before anything is seen s² is scaled-inverse-chi-square
 with ν degrees of freedom about the size that such errors usually have (Gelman et al., Bayesian Data Analysis, 3rd ed.,
 2.6 and 5.1). Where x_i is known with mean m_i and variance c_i, the likeliest s² solves (EM; Dempster, Laird and Rubin
 1977, JRSS B 39(1))

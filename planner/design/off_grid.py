@@ -2,11 +2,11 @@
 
 Poses that the index chose are moved by :mod:`.selection.refinement`. Those that leave the smallest expected error of
 the tool take turns to accept the best of trials around them, with what is known updated by the two readings
-(Sherman–Morrison); reach grows where trials succeed and shrinks where they fail.
+(Sherman–Morrison). Reach grows where trials succeed and shrinks where they fail.
 
 For the bound, poses that violate its dual most are sought and joined to the candidates. A dual of
 :mod:`.selection.index_bound` gives every pose a price. Between the candidates the price is a smooth function of the
-joint angles; random steps from the candidates with the lowest prices go down it, every filter kept. What they find
+joint angles. Random steps from the candidates with the lowest prices go down it, every filter kept. What they find
 joins the candidates, the bound is proven over all of them anew, and so on while it moves. The bound that results is
 proven for these poses, and sought, not proven, for those between them.
 """

@@ -163,7 +163,7 @@ def _identify(cell: Cell, model: Model, samples: Samples) -> tuple[Model, Identi
 def check_pose_number(cell: Cell, poses: int, seed: int) -> None:
     """Refuse so few poses that no candidates could identify the parameters, before any are drawn.
 
-    States that the gauge reaches stand for the candidates; what is left of them later may show a parameter or two less,
+    States that the gauge reaches stand for the candidates. What is left of them later may show a parameter or two less,
     so numbers near the limit are left to :func:`select_poses`.
 
     Raises:

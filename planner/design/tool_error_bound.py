@@ -18,7 +18,7 @@ class ErrorTangent:
     """A proof for the mean square error trace(W M⁻¹), M = 1 + Σ wᵢ aᵢᵀ aᵢ, by any symmetric matrix X.
 
     M⁻¹ − 2 X + X M X = (M^−½ − X M^½)(M^−½ − X M^½)ᵀ is positive semidefinite, so that trace(W M⁻¹) is at least
-    2 trace(W X) − trace(X W X M), whatever X is; with X = M⁻¹ it is the tangent of the error, convex in w (Boyd and
+    2 trace(W X) − trace(X W X M), whatever X is. With X = M⁻¹ it is the tangent of the error, convex in w (Boyd and
     Vandenberghe 2004, 7.5.2). Over weights in [0, 1] that sum to ``poses`` it is least at a corner, found by sorting.
     """
 

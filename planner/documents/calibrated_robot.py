@@ -72,7 +72,7 @@ NO_LOADS = Loads(0.0, np.zeros(3), np.zeros(3))
 class CalibratedRobot:
     """A robot with those effects of its file that depend on joint angles and loads alone.
 
-    Torques are those of the nominal geometry, as in the fit that found the compliances; on the corrected geometry the
+    Torques are those of the nominal geometry, as in the fit that found the compliances. On the corrected geometry the
     deflections would differ by about a thousandth of their size.
 
     Raises:
@@ -196,7 +196,7 @@ def calibrated_files(calibration: Calibration) -> tuple[tuple[str, str], ...]:
 
     The geometry goes into the kinematic rows (or the URDF's origins), effects of the robot into ``[[effects]]`` and
     the loads that they were found under into ``[loads]``, the measured points of the tool, as they sit in the flange of
-    this robot, into ``[[tool_points]]``; what else belongs to the gauge stays out. All else is as it was.
+    this robot, into ``[[tool_points]]``. What else belongs to the gauge stays out. All else is as it was.
 
     Raises:
         InputError: the robot's own file can no longer be read.

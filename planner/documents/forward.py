@@ -17,7 +17,7 @@ def forward(robot: Robot | Path | str, q: ArrayLike, tool: ArrayLike | None = No
     """Return the pose of the flange, or of a tool, in the base, T_BF or T_BT (n, 4, 4) [m].
 
     The effects of the robot's file (compliance, gears, encoders, …) are in it as far as they hang on joint angles and
-    loads; a warning names the others. ``load_robot(…).chain.forward`` is the geometry alone.
+    loads. A warning names the others. ``load_robot(…).chain.forward`` is the geometry alone.
 
     Args:
         robot: a loaded robot, the path of its ``robot.toml``, or the name of a shipped one.

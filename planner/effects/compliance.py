@@ -73,7 +73,7 @@ class TipMoment(BasisFunction, key="tip:AXIS", loads=True):
 class StationTwist(BasisFunction, key="twist:STATION:AXIS:PART:PHI"):
     """φ = one of the six numbers by which a turn about an axis of a station moves the whole arm as seen at its base.
 
-    Part 0, 1, 2 go with the base's shifts, 3, 4, 5 with its turns; all six together, times ``by``, turn everything
+    Part 0, 1, 2 go with the base's shifts, 3, 4, 5 with its turns. All six together, times ``by``, turn everything
     beyond the station about its axis (a screw in Plücker coordinates: u and p × u).
     """
 

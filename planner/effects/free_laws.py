@@ -1,6 +1,6 @@
 """Causes where and by what the catalogue's act, but by a law that it lacks: what a named cause has to be held against.
 
-A joint that softens and then meets a stop is no compliance, though it turns with its load; a dent in a bearing is no
+A joint that softens and then meets a stop is no compliance, though it turns with its load. A dent in a bearing is no
 wobble, though it tips the axis as it turns. Each part moves here as any smooth function of the loads upon it, of its
 joint's angle or of time: polynomials and waves, the quicker the smaller. Over an angle there are stiff laws as well:
 over half a turn a slow curve of any origin is as good as a wave once a turn.

@@ -1,7 +1,7 @@
 """What would help where a run does not belong to its robot: another unit, another robot, angles counted otherwise.
 
 Where a robot's file lacks the coupling of a parallelogram or a wrist, every pose is hundreds of millimetres off, and
-no fit of small errors can show why; where a cell names another robot, a fit bends its links until they are that one's.
+no fit of small errors can show why. Where a cell names another robot, a fit bends its links until they are that one's.
 Each such change is therefore tried, with the gauge placed anew and nothing of the robot fitted.
 """
 

@@ -21,7 +21,7 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
 
     For poses at rest it is the information's inverse, noise as estimated. Along a continuous run errors stay what they
     are from sample to sample: the scatter of the scores over blocks, each many correlation times long, replaces that
-    of single samples (Liang and Zeger 1986); where the run is too short for that, that of noise which fades
+    of single samples (Liang and Zeger 1986). Where the run is too short for that, that of noise which fades
     from sample to sample takes its place (``fading_noise``).
     """
     problem, solution = fit.problem, fit.solution

@@ -144,7 +144,7 @@ def estimate_parameters(
     """Return every parameter of ``whole``, fitted or not.
 
     ``inner``: by its name, the value of an effect's inner number (frequency, time constant) that the search came to,
-    about which the fit moves it; it stands as the parameter's nominal.
+    about which the fit moves it. It stands as the parameter's nominal.
     """
     std = dict(zip(fit.model.names, np.sqrt(np.diag(covariance)), strict=True))
     error = fit.values

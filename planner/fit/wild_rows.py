@@ -4,11 +4,11 @@ Most rows err as the noise is; a few (a ball badly seated, a beam interrupted, a
 numbers e of a row, in standard deviations, are a scale mixture of normals (Andrews and Mallows 1974, J. R. Stat. Soc. B
 36(1)): with probability 1 − ε their scale is 1, with ε it is any from a few to a million, the logarithm being uniform.
 A fit with such noise is least squares in which a row counts by the expected inverse square of its scale (Dempster,
-Laird and Rubin 1980, Multivariate Analysis V). A row has part in the fit that it is held against; each is therefore
+Laird and Rubin 1980, Multivariate Analysis V). A row has part in the fit that it is held against. Each is therefore
 held against what the others say of it, by its leverage.
 
 The bulk is never narrower than nine rows in ten are spread. What the model does not hold widens the residuals of many
-rows; where more rows than a few stand apart they are a cause, or the noise, and none of them is wild. Up to even odds a
+rows. Where more rows than a few stand apart they are a cause, or the noise, and none of them is wild. Up to even odds a
 row counts in full, so that a run without wild rows is fitted by plain least squares.
 """
 

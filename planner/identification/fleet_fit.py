@@ -1,7 +1,7 @@
 """Errors of one robot over what is usual of its kind, as its readings alone say, and whether a fleet has the like.
 
 Of geometry the estimates of the released robot are used, less what its own prior drew them in by (1/s² − 1/σ² of the
-readings alone); of gears and compliances the sizes that its run has learnt, where it leaves no doubt whether they act.
+readings alone). Of gears and compliances the sizes that its run has learnt, where it leaves no doubt whether they act.
 """
 
 import re

@@ -2,7 +2,7 @@
 
 The robot's errors are common. Each session has fixtures of its own and a zero of its own, also where two sessions call
 a fixture by one name: whoever took it away and put it back put it elsewhere. Tool points at one place of the flange
-are one. Noise and scale are those of the gauge that read; only lengths are joined across kinds of gauge, other readings
+are one. Noise and scale are those of the gauge that read. Only lengths are joined across kinds of gauge, other readings
 where the gauge is the same.
 """
 

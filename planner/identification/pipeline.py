@@ -31,7 +31,7 @@ class FitSettings:
     """What the user may choose: share of the groups held out, seed of the folds and of the draws.
 
     The released robot holds geometry and effects by the posterior, with ``geometry`` geometry alone, and the posterior
-    then knows no effects but those of the stages and those that always act; where ``release`` is false it is the last
+    then knows no effects but those of the stages and those that always act. Where ``release`` is false it is the last
     stage as fitted, and the error over the workspace follows from its covariance: quicker, for trials of many runs.
     At most ``most_causes`` causes with a name act together, beside those that the cell declares; none: any number.
     """

@@ -36,7 +36,7 @@ def candidates_of_same_law(effects: Iterable[Effect]) -> tuple[Candidate, ...]:
 class CauseComparison:
     """All findings of one name, and the causes of the catalogue that may stand for them.
 
-    ``same_law`` are those that are met in the name of another cause, which has their law; the logarithm of their odds
+    ``same_law`` are those that are met in the name of another cause, which has their law. The logarithm of their odds
     over that one is their handicap's negative.
     """
 

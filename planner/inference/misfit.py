@@ -5,7 +5,7 @@ the other is left out before anything is learnt of it, sizes of families include
 poses predicts those that it chose them by, and one that was measured all round a pose need not know the workspace. What
 is left of the readings there is held against what was expected: noise, what the other poses leave open, and two
 unknowns. The ``stretch`` is for a model of the right shape that is too sure: as if the noise that was counted with were
-so many times as large. It multiplies what the readings' noise puts the mean off by; what stays open because no reading
+so many times as large. It multiplies what the readings' noise puts the mean off by. What stays open because no reading
 tells of it, such as the gauge's scale, is as large as its prior says, which no misfit refutes. The ``rest`` moves the
 tool at each pose alone, as a law does that no column follows. A run without misfit needs neither, so either is most
 likely absent (a spike and a slab).

@@ -1,7 +1,7 @@
 """The background of a fit: effects of the catalogue as random effects, with sizes that the run says.
 
 Inner numbers (frequencies, time constants, widths) enter as a band of columns. What a gear, a spring or play does has a
-size at each joint; the other kinds have one for all places, since a run says little of each. Kinds that hardly any arm
+size at each joint. The other kinds have one for all places, since a run says little of each. Kinds that hardly any arm
 has, and whose errors would grow beyond the angles measured, enter by name only. A gauge of lengths always errs somewhat
 over length and direction: whatever else leads there, smoothly over the poses, goes into the arm's lengths as well, and
 no residual shows it.
@@ -142,8 +142,8 @@ def has_name(family: str) -> bool:
 def is_left_to_background(group: str) -> bool:
     """Tell whether a finding, by the group of its parameters, stays out of the released robot.
 
-    A gauge's error of a shape that only seems right would move all lengths of the arm; what acts by a column that no
-    program has would leave the robot without what gravity does to it; a curve without a name is known
+    A gauge's error of a shape that only seems right would move all lengths of the arm. What acts by a column that no
+    program has would leave the robot without what gravity does to it. A curve without a name is known
     no farther than it was measured. The whole curve of a gear the background has as harmonics and ripple: beside them
     it would stand or fall as a whole, and the draws would hardly ever exchange the one for the others.
     """

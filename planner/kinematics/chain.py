@@ -86,7 +86,7 @@ class ForwardPass:
 class Chain:
     """Elementary transforms from the base to the measured point.
 
-    Values are ``nominal + theta[joint] + delta``; the variables theta are those of the kinematic rows, in rad, or in m
+    Values are ``nominal + theta[joint] + delta``. The variables theta are those of the kinematic rows, in rad, or in m
     where a joint slides, and not the controller's.
     """
 

@@ -1,7 +1,7 @@
 """Inverse kinematics of many states at a time: Newton steps on the chain's own screws.
 
-:func:`solve_ik` is the one solver. What it brings to zero is a task, how far it dares to go in one iteration is a step;
-the functions after it are the tasks of this project: a tool pose, a point, and the pose that lies back along the tool.
+:func:`solve_ik` is the one solver. What it brings to zero is a task, how far it dares to go in one iteration is a step.
+The functions after it are the tasks of this project: a tool pose, a point, and the pose that lies back along the tool.
 """
 
 from collections.abc import Callable
@@ -156,7 +156,7 @@ def solve_point_ik(chain: Chain, robot: Robot, q: Array, p_B: Array) -> tuple[Ar
     """Move three joints of q (n, N) [rad] until the end of the chain lies on p_B (3,) [m], or nearest.
 
     The other joints stay, so every orientation and every posture of the arm that reaches the point comes up as often
-    as the starts do; no wrist or elbow of a certain build is assumed (:func:`reaching_joints`). Whole turns are taken
+    as the starts do. No wrist or elbow of a certain build is assumed (:func:`reaching_joints`). Whole turns are taken
     off where that brings a joint between its limits.
 
     Returns:

@@ -1,7 +1,7 @@
 """Readings on a circle by their harmonics, each with a noise of its own.
 
 Turns differ from their repeats by smooth curves. On a circle a noise that is alike at all angles has independent
-harmonics, so generalised least squares weighs each by the inverse of its own variance; what all loads have in common
+harmonics, so generalised least squares weighs each by the inverse of its own variance. What all loads have in common
 is taken off first, which is the same as a free offset at every angle.
 """
 
@@ -154,7 +154,7 @@ class ComplianceFit:
 def fit_compliances(setup: MeasurementSetup, curves: Sequence[AveragedCurves]) -> ComplianceFit:
     """Fit the compliance of every joint to all circles together.
 
-    How far below the circle the fixture's ball lies decides where the load points; it is known as well as the cell
+    How far below the circle the fixture's ball lies decides where the load points. It is known as well as the cell
     says, and what that leaves open counts in the uncertainties.
     """
     model = Model(setup, tuple(compliance_parameters(setup)))

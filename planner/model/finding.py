@@ -173,8 +173,8 @@ class Member(DocumentSection):
 class Finding(Member):
     """A cause that the run shows: one, or many of one kind as the one thing that they are.
 
-    Of many, ``on`` names all places (``joints 1, 2, 5``); the size is the root mean square of theirs, which are draws
-    of one random effect, and its deviation says how well so few tell it, not how well any one is known; chance,
+    Of many, ``on`` names all places (``joints 1, 2, 5``). The size is the root mean square of theirs, which are draws
+    of one random effect, and its deviation says how well so few tell it, not how well any one is known. Chance,
     probability and grade are those of the least certain. The gain is that of the one that brings most, by itself: what
     all of them bring together is not computed.
 

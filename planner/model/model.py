@@ -1,7 +1,7 @@
 """Predicted reading and identification Jacobian of a setup: one list of parameters for planning, fitting and tracing.
 
 A parameter is a pair of what it moves (an elementary transform, or the reading itself) and a basis function φ of the
-sample; for a geometric error φ is 1, for a fixture it tells which fixture holds the bar, for a compliance it is the
+sample. For a geometric error φ is 1, for a fixture it tells which fixture holds the bar, for a compliance it is the
 joint's torque. A column of the Jacobian is the screw of the transform, projected by the gauge, times φ.
 """
 

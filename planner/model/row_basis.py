@@ -13,7 +13,7 @@ REFLECTED_NUMBERS = 20_000  # of rows, up to which their basis is found by House
 def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
     """Return the readings' part (m, P) of an orthonormal basis of rows (m, P) with the prior's below them, and R.
 
-    Of many rows by the Cholesky factor of their products, which squares the condition number; where that is large twice
+    Of many rows by the Cholesky factor of their products, which squares the condition number. Where that is large twice
     over, which is as exact as Householder's reflections where the first one exists at all (Yamamoto et al. 2015, ETNA
     44).
     """

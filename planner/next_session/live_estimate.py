@@ -1,6 +1,6 @@
 """What the poses that were read so far leave of the tool's error, pose by pose, and what further ones would bring.
 
-Rows of the model are those of the robot as it was expected; its information matrix grows by a reading at a time, and
+Rows of the model are those of the robot as it was expected. Its information matrix grows by a reading at a time, and
 how large the errors of each kind are is learnt from the same matrix. What a reading differs by is looked at about the
 errors as they are estimated, so that large ones are no noise where the model bends (steps of Gauss and Newton, the rows
 kept). Nothing is identified anew: ``edbb identify`` says what holds, from the whole run.

@@ -1,7 +1,7 @@
 """The neutral program: what the robot shall do, before any controller's language.
 
 Angles are those of the robot's model, in degrees, until :mod:`planner.programs.controller_axes` has turned the program
-into the axes of the controller that runs it; from there on they are printed as they are.
+into the axes of the controller that runs it. From there on they are printed as they are.
 """
 
 import math

@@ -3,9 +3,9 @@
 Any robot is judged against all that were drawn, by its error e over that of geometry alone, e₀. The compromise of risk
 r has the least mean of (e / e₀)^(2 r): by the larger r, the more count the drawn robots for which it would be worse
 than geometry, until it keeps to what nearly all of them have in common. From geometry alone a robot goes towards a
-compromise as far as it is hardly ever noticeably worse; of these robots the one is taken that is expected to err least.
-Where all that a run shows is as good as certain that is the compromise of risk 1, which errs least wholly reached;
-where some causes are and others are not, a way towards risk 1 ends early by the latter, and one of higher risk takes
+compromise as far as it is hardly ever noticeably worse. Of these robots the one is taken that is expected to err least.
+Where all that a run shows is as good as certain that is the compromise of risk 1, which errs least wholly reached.
+Where some causes are and others are not, a way towards risk 1 ends early by the latter, and one of higher risk takes
 the former whole.
 """
 

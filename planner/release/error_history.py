@@ -2,7 +2,7 @@
 
 With the sizes of all errors as the run has taught them, a reading's information is the outer product of its whitened
 row R. Of K = I + R Rᵀ = L Lᵀ, and M a root of the tool's mean square error, the first k readings leave
-|M|² − Σ_{i≤k} |(L⁻¹ R M)_i|²; without the pose of rows b the mean square error would be larger by
+|M|² − Σ_{i≤k} |(L⁻¹ R M)_i|². Without the pose of rows b the mean square error would be larger by
 tr((K⁻¹_bb)⁻¹ X_b X_bᵀ), X = K⁻¹ R M (Woodbury).
 """
 

@@ -3,11 +3,11 @@
 Everything is expected by the posterior: of a robot with the values v the mean square error of the tool is
 trace(W C) + (v − m)ᵀ W (v − m), with mean m and covariance C of the posterior and W the tool's motion per squared
 errors. The posterior mean itself is best by that measure, and what is released by that error over the one that
-geometry alone would have; the nominal robot and geometry alone are judged beside it.
+geometry alone would have. The nominal robot and geometry alone are judged beside it.
 Few directions, or an effect that is unlikely and large, often make up most of that square, and most robots are better:
 what is stated over the workspace is the median over robots drawn from the posterior, and what 95 % of them stay below.
 The robots drawn are as far from its mean as regions that it did not see say (``misfit``). It is the robot as it was on
-average over the time of the run; how far it drifts from that meanwhile is an error at any other moment.
+average over the time of the run. How far it drifts from that meanwhile is an error at any other moment.
 """
 
 from collections.abc import Collection, Sequence

@@ -1,6 +1,6 @@
 """What a calibrated robot is good enough for: how far off it is at its targets, with the measured and other tools.
 
-Robots are drawn from the posterior, as for every stated error; of each the errors at states of the workspace are those
+Robots are drawn from the posterior, as for every stated error. Of each the errors at states of the workspace are those
 of targets that programs may name there. What is said of them is what 95 of 100 targets stay within, of 95 of 100 such
 robots.
 """

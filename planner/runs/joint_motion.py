@@ -109,7 +109,7 @@ REST_ANGLE = REST_SPEED * REST_TIME  # [rad] that a joint may move in it
 def joint_speeds(samples: Samples) -> Array:
     """Return joint speeds (n, N) [rad/s] by time differences within sessions.
 
-    A parabola through each sample and its two neighbours (exact for constant acceleration, any spacing); a straight
+    A parabola through each sample and its two neighbours (exact for constant acceleration, any spacing). A straight
     line at the ends of a session, zero where it has one sample.
 
     Raises:
@@ -184,7 +184,7 @@ def _breaks(samples: Samples) -> BoolArray:
 def last_directions(q: Array, first: IntArray) -> Array:
     """Return the sign of each joint's last move before the samples ``first`` (k,), (k, N); 0 where it had not moved.
 
-    Angles are counted in steps of REST_ANGLE; a move is two steps in one direction, so that an encoder that
+    Angles are counted in steps of REST_ANGLE. A move is two steps in one direction, so that an encoder that
     flickers over the border of a step does not move.
     """
     signs = np.zeros((len(first), q.shape[1]))

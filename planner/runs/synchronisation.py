@@ -129,7 +129,7 @@ class ClockOffset:
 def edge_offset(gauge: Array, axes: Array, reach: float) -> ClockOffset:
     """Return the offset at which most marks of two logs meet.
 
-    Every pair of marks proposes an offset; the window of ``reach`` [s] that holds most proposals wins, so that a mark
+    Every pair of marks proposes an offset. The window of ``reach`` [s] that holds most proposals wins, so that a mark
     lost in either log does no harm. The offset is the median in it.
 
     Args:
@@ -171,7 +171,7 @@ def synchronise_tables(gauge: RunTable, axes: RunTable) -> RunTable:
     """Return one table with the gauge's readings and the controller's angles.
 
     With ``t_s`` in both and angles logged closely, the angles are interpolated at the gauge's stamps (cubic Hermite) on
-    the controller's clock; the clocks' offset comes from the marks in ``sync`` where both have them, else from the
+    the controller's clock. The clocks' offset comes from the marks in ``sync`` where both have them, else from the
     readings where they tell it (:mod:`planner.runs.synchronisation`), else it is taken for 0 with a warning. What is
     finer than that is the gauge's lag, a parameter of the fit. With ``pose`` in both and one row a pose, rows are
     matched by it.

@@ -238,7 +238,7 @@ def import_run(traces: Sequence[Path], map_file: Path) -> Run:
 def import_by_map(traces: Sequence[Path], mapping: ColumnMap, name: str, robot: Robot | None = None) -> Run:
     """Return the run that ``traces`` hold by a column map, which messages call ``name``.
 
-    The map's top level reads the first trace, its ``[[traces]]`` the further ones in their order; a trace that the map
+    The map's top level reads the first trace, its ``[[traces]]`` the further ones in their order. A trace that the map
     says nothing of is read in the columns of a run. The gauge's trace and the controller's are joined by time, or pose
     by pose where they have no time. ``robot`` says how its controllers count, and readings are held against it.
 

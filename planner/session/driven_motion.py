@@ -194,7 +194,7 @@ def _balls(program: Program) -> list[int]:
 class _Piece:
     """A part of a program that is driven or left out as a whole.
 
-    ``until`` of its stretch, or 0; ``at``: the start whose way it is, or 0; from where it was planned and where it
+    ``until`` of its stretch, or 0; ``at``: the start whose way it is, or 0. From where it was planned and where it
     ends, with the gauge held as told (``before``, ``after``), in words for messages ``what``.
     """
 

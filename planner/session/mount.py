@@ -130,7 +130,7 @@ def drop_unreachable(
     The certificate bounds the index over these candidates; it is rough, and later bounds begin with it.
 
     Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them. All candidates are judged
-    by their neighbours in a roadmap (``reach``, of :func:`join_to_mounts`); those whose price in the bound singles
+    by their neighbours in a roadmap (``reach``, of :func:`join_to_mounts`). Those whose price in the bound singles
     them out are in it themselves.
 
     Raises:

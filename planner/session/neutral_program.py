@@ -50,7 +50,7 @@ def check_emitted_speeds(cell: Cell, program: Program, axes: AxisConvention, dia
 
     ``program`` is in the joints of the model, ``found`` what was read back of its text, in the controller's ``axes``.
     The joints are taken to move evenly over the time that the speed words give the leg, faster by the peak over the
-    mean speed where the program itself says how the joints speed up, and the tool evenly round a circle; a speed word
+    mean speed where the program itself says how the joints speed up, and the tool evenly round a circle. A speed word
     of the tool is that of the tool.
 
     Raises:

@@ -21,7 +21,7 @@ from planner.session.plan_types import Drive
 def leg_times(cell: Cell, mounting: Mounting, start: Array, end: Array) -> Array:
     """Return the time of straight joint legs (m, N) [rad] with the gauge attached, (m,) [s], as a tour counts it.
 
-    By the slowest of all limits; where the cell asks for ``order = "slowest-axis"``, it is that of the slowest axis at
+    By the slowest of all limits. Where the cell asks for ``order = "slowest-axis"``, it is that of the slowest axis at
     full speed alone (EDBB paper, eq. 7).
     """
     if cell.motion.order == "slowest-axis":

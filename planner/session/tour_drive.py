@@ -1,6 +1,6 @@
 """The drive of one mounting: tour, support poses, approaches, blending, timing, and both collision engines.
 
-Where balls are centred, the tour runs over the poses that they are approached from; the last way to a ball is inserted
+Where balls are centred, the tour runs over the poses that they are approached from. The last way to a ball is inserted
 where the tour stops there. All of it starts and ends at the mount pose: where the bar is attached, the head is mastered
 or the reflector is put in.
 """

@@ -13,7 +13,7 @@ def order_by_distance(cell: Cell, q: Array, chosen: np.ndarray, seed: int) -> np
     """Return the candidates that were not chosen, (m,) int, those first that lie farthest from the chosen ones.
 
     Poses beside those that a fit has seen say nothing of the workspace. Each in turn is the one of some drawn blindly
-    that is farthest from the chosen poses and from those before it; what was not drawn follows at random. Joints count
+    that is farthest from the chosen poses and from those before it. What was not drawn follows at random. Joints count
     by how far they move the tool.
 
     Args:

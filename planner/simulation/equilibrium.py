@@ -42,7 +42,7 @@ def with_held_torque(samples: Samples, model: Model, errors: Array) -> Samples:
     """Return samples with the torques of weights and bar at the true place of arm and fixture by the errors (P,).
 
     A bar of 130 mm turns by a percent where its ball is a millimetre off or the arm yields as much, and its moments
-    with it; weights bend the arm by milliradians. The torques stand as if logged, as those that the drives hold.
+    with it. Weights bend the arm by milliradians. The torques stand as if logged, as those that the drives hold.
     """
     setup, context = model.setup, Context(model.setup, samples)
     delta = setup.offsets(samples)

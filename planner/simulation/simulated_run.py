@@ -39,7 +39,7 @@ class SimulatedRun(Run):
 def planned_samples(cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -> Samples:
     """Return where the arm is told to stand when the gauge is read.
 
-    A plan at rest gives one sample a visit, mounting poses left out; one that is driven gives ``RATE`` samples a
+    A plan at rest gives one sample a visit, mounting poses left out. One that is driven gives ``RATE`` samples a
     second both ways, each with the id of the visit that it is nearest to in time, so that validation poses can be
     kept out with the stretch of path around them.
 

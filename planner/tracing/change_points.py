@@ -272,7 +272,7 @@ def locate_step(state: SearchState, found: FittedEffect) -> StepTime:
     """Return where a step lies, everything else as fitted: its likeliest sample, and the range that holds it surely.
 
     With the residual e as if nothing had stepped and what the step adds, s, the misfit of a step before sample j is
-    Σ_{i<j} |e + s|² + Σ_{i≥j} |e|²; every sample is as likely beforehand, and an end of a session as all of them.
+    Σ_{i<j} |e + s|² + Σ_{i≥j} |e|². Every sample is as likely beforehand, and an end of a session as all of them.
     """
     problem, errors = state.fit.problem, state.fit.errors
     piece = problem.piece(slice(None), errors)

@@ -1,6 +1,6 @@
 """Scores every effect in one pass: what it would explain that the present model cannot.
 
-The columns of the candidate are projected off those of the model (with its priors); the fall of the sum of squares is
+The columns of the candidate are projected off those of the model (with its priors). The fall of the sum of squares is
 the squared length of the projection of the residual on what remains (the score test; Rao 1948).
 """
 

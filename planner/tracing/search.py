@@ -1,7 +1,7 @@
 """The search: add the effect that explains most while the run is likelier with it, then correct early choices.
 
-Forward steps, each with backward pruning; when no step is left, effects are swapped for others that the run is
-likelier under; and at the very end corrections without a name are tried.
+Forward steps, each with backward pruning. When no step is left, effects are swapped for others that the run is
+likelier under. And at the very end corrections without a name are tried.
 """
 
 from collections.abc import Iterator, Sequence

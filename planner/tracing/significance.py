@@ -40,7 +40,7 @@ def variance_inflation(state: SearchState, found: FittedEffect) -> float:
     """Factor, 1 or more, on the variance of an effect's size for the autocorrelation of the noise.
 
     With correlations ρ of the residual and γ of the effect's own column at a lag of l samples it is 1 + 2 Σ ρ(l) γ(l)
-    (Bartlett 1935); an effect that comes and goes at random from sample to sample does not mind.
+    (Bartlett 1935). An effect that comes and goes at random from sample to sample does not mind.
     """
     return variance_inflations(state, [found])[0]
 

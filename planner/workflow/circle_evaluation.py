@@ -166,7 +166,7 @@ class LoadedTestEvaluation(FolderResult):
 def evaluate_loaded(asked: LoadedCall) -> LoadedTestEvaluation:
     """Evaluate one or more runs of loaded circles.
 
-    A tracker's run of the same circle, where one is given, is compared; runs of a bar without load are fitted together
+    A tracker's run of the same circle, where one is given, is compared. Runs of a bar without load are fitted together
     with the loaded one.
 
     Raises:

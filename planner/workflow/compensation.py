@@ -172,7 +172,7 @@ def _content_of(file: CompensatedFile) -> dict[str, Any]:
 def compensate(asked: CompensateCall) -> CompensationResult:
     """Correct the targets of a file so that the calibrated robot stands where the nominal one should.
 
-    Tool and base are x, y, z in mm and A, B, C (Z-Y'-X") in degrees, of poses that do not say them; the model's tool is
+    Tool and base are x, y, z in mm and A, B, C (Z-Y'-X") in degrees, of poses that do not say them. The model's tool is
     the measured tool point of the robot's file, turned as the flange is. Points that were taught with the accuracy
     model of the controller (KUKA's status bit 4) are corrected only where a cell says that it is off. The date in the
     mark is by default that of ``SOURCE_DATE_EPOCH``, or of the model's file. For zeros that were set in the controller

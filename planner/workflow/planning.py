@@ -34,7 +34,7 @@ def plan(asked: PlanCall) -> PlanResult | PosesResult | SessionResult:
     """Plan a measuring session: poses, certificate, collision-free path, robot programs.
 
     A cell with a section of an extension (circles, for instance) is planned by that extension. With a time limit the
-    searches stop early, and the notes say what they left undone; the same seed then need not give the same bytes. If
+    searches stop early, and the notes say what they left undone. The same seed then need not give the same bytes. If
     the time ends before a path is proven, only the poses are returned, without programs.
 
     Raises:

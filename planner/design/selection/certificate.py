@@ -1,6 +1,6 @@
 """The certified bound, for any criterion: relax, price in the candidates that violate the dual, verify over all.
 
-A relaxation is solved on a few hundred active candidates; its dual is evaluated over the whole pool, the candidates
+A relaxation is solved on a few hundred active candidates. Its dual is evaluated over the whole pool, the candidates
 that violate it most come in, and so on until bound and relaxation meet (column generation). The solver is not trusted:
 what counts is the dual, which proves its bound over all candidates by itself.
 """

@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 class EqualShares:
     """Equal shares as a constraint: each of the groups gives ``quota`` of the chosen; ``group`` (N,) int.
 
-    A set below its size only grows where a group is short, one above it only shrinks where a group has too many; so a
+    A set below its size only grows where a group is short, one above it only shrinks where a group has too many. So a
     search may wander, and comes back to equal shares.
     """
 

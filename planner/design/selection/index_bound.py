@@ -267,7 +267,7 @@ def price_candidates(
     """Return all candidates by price, best first, and those whose use could cost less than ``margin`` of the bound.
 
     By complementary slackness a set within a share e of the bound can hold only candidates whose reduced costs sum up
-    to e; one alone that takes up ``margin`` / n more than the n-th cheapest is no bargain.
+    to e. One alone that takes up ``margin`` / n more than the n-th cheapest is no bargain.
     """
     everything = np.arange(len(rows))
     dual = certificate.duals[-1]

@@ -9,7 +9,7 @@ l I <= M <= u I. The potential adds barriers to it,
 
 and tends to the index as m and k fall to zero (b = 1 for O2, 2 for O4; O3 has the lower half alone; O1 is l = 0). Two
 things make it the right tool for exchanges: at fixed l and u a swap changes it by a ratio of small determinants, known
-exactly for all pairs at the price of one matrix product; and the minimum over l and u makes that change an upper bound,
+exactly for all pairs at the price of one matrix product. And the minimum over l and u makes that change an upper bound,
 so every swap that looks better is better. Barriers of this kind: Batson, Spielman and Srivastava 2012.
 """
 

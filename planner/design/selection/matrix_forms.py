@@ -42,7 +42,7 @@ def swap_log_ratios(inner: Array, outer: Array, inverse: Array, sign: float = 1.
 
     ``inverse`` is A^-1. A change of rank 2 r (Sylvester); for r = 1 it is (1 + s v'A^-1 v)(1 - s u'A^-1 u) +
     (u'A^-1 v)^2. Adding first shows that only one eigenvalue can turn negative then, so the sign of the ratio tells
-    whether the matrix stays positive definite; the logarithm is very low where it does not.
+    whether the matrix stays positive definite. The logarithm is very low where it does not.
     """
     (n, r, size), m = inner.shape, len(outer)
     if r == 1:

@@ -1,7 +1,7 @@
 """The EDBB paper's backward pruning: poses go one at a time, each time the one whose loss hurts the index least.
 
 Made fast by laziness. Taking pose i away cannot leave the smallest eigenvalue above the smallest of M - J_i'J_i within
-the plane of the two lowest eigenvectors of M, nor the largest below its like at the top (Cauchy interlacing); so a few
+the plane of the two lowest eigenvectors of M, nor the largest below its like at the top (Cauchy interlacing). So a few
 numbers a candidate bound its cost from below, and exact eigenvalues are computed in the order of these bounds only
 until no bound is left that could win. The result is the one that an SVD per candidate and step would give.
 """

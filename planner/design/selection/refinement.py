@@ -1,6 +1,6 @@
 """Off-grid refinement: the chosen poses move in joint space, all filters kept, and the index only gets better.
 
-Around each pose trial poses are drawn, all of them in one batch; the poses then take turns to accept their best valid
+Around each pose trial poses are drawn, all of them in one batch. The poses then take turns to accept their best valid
 trial, scored exactly against the set as it stands. Reach grows where trials succeed and shrinks where they fail. Half
 of the trials are drawn further along: by the last step, and by where the good trials of the last round lay on average,
 as in an evolution strategy (recombination with weights; Hansen and Ostermeier 2001).
@@ -44,7 +44,7 @@ def refine_off_grid(
     """Return poses (n, N) [rad] near ``q0`` (n, N) [rad] with a better index.
 
     ``rows_of`` maps joint angles (m, N) to rows (m, r, P), reduced and scaled as the selection's; ``valid`` tells (m,)
-    which joint angles pass every filter; both are told (m,) of which pose each is a trial. ``rounds`` of trials at
+    which joint angles pass every filter. Both are told (m,) of which pose each is a trial. ``rounds`` of trials at
     each of four barrier strengths. Deterministic. The result is ``q0`` itself when nothing better is found.
 
     Raises:

@@ -2,7 +2,7 @@
 
 A criterion is given in one of two forms. A *swap criterion* finds the best exchange of a chosen candidate for another.
 A *sequential criterion* is kept up to date by low-rank updates while single candidates come and go. What is specific to
-a criterion, such as the score of a swap or the update, is its own matter; the searches here are common to all.
+a criterion, such as the score of a swap or the update, is its own matter. The searches here are common to all.
 """
 
 from collections.abc import Callable, Iterable, Sequence

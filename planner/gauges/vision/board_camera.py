@@ -1,7 +1,7 @@
 """The reading of a camera that sees a flat board, its derivative, and what a run of it tells of where both are.
 
 A reading is the pixels of one image. All that an image of a flat board says of where the board stands before the
-camera are six numbers; the rest of its pixels only tells how noisy they are. So an image enters the model by six
+camera are six numbers. The rest of its pixels only tells how noisy they are. So an image enters the model by six
 numbers z = Qᵀ(u, v), Q (2K, 6) an orthonormal basis of how its corners move with the board: their noise is that of a
 corner, the same for all six and free of correlation, and nothing that the image knows is lost. They are scaled to
 lengths at the board, at the middle of the range of distances: all corners that are off by a pixel there are off by as

@@ -23,7 +23,7 @@ class FclWorld(PairDistances):
     never erred. So a distance counts as far as the plane between the two nearest points proves it: convex bodies lie
     on either side of it, each as far as its own support function says. Where that lacks more than
     ``DISTANCE_SLACK``, and for meshes that are not convex, a distance d counts only if one of the two bodies, grown by
-    d, does not collide with the other; else the largest that holds is searched.
+    d, does not collide with the other. Else the largest that holds is searched.
 
     Where a lower bound will do, pairs whose :class:`RoundBounds` say enough are not asked for, but for the nearest pair
     of every state. Coal's verdict, which asks for all, stands beside it.

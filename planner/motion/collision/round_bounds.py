@@ -1,7 +1,7 @@
 """Distances of round bodies in closed form, for many states and pairs at once, and lower bounds for all others.
 
 Each body has a core: a segment and a radius whose capsule holds it. For capsules and spheres the core is the body
-itself, so their distances are exact; boxes are bounded along their own axes, and meshes by the core about their
+itself, so their distances are exact. Boxes are bounded along their own axes, and meshes by the core about their
 vertices. A search that proves thousands of motions asks a collision engine only where such a bound leaves a doubt.
 """
 

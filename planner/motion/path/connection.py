@@ -97,7 +97,7 @@ def connect_poses(
 ) -> ProvenPath | PathGaps:
     """Join poses in the given order by a path that keeps every constraint throughout.
 
-    Straight legs first; then a roadmap over the pool and the poses, proven lazily and reused for all legs; then OMPL's
+    Straight legs first; then a roadmap over the pool and the poses, proven lazily and reused for all legs. Then OMPL's
     RRT-Connect for what the roadmap leaves apart. Detours are shortened with proven motions only. A leg
     that either engine does not prove in the end is led round once more, further away from everything.
 

@@ -208,7 +208,7 @@ class PairBounds:
         The housing turns about the fixture. A point of the rod at ρ ≤ 2 L from the MAP is no faster than the MAP. What
         the tool carries turns with it about the MAP.
 
-        Seen from a link, the rod is carried with the MAP, and turns about it as both do together; seen from the rod it
+        Seen from a link, the rod is carried with the MAP, and turns about it as both do together. Seen from the rod it
         is the link that turns about the MAP: what is less far from the MAP decides.
         """
         bar = self._bar

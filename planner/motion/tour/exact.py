@@ -1,7 +1,7 @@
 """The solver that is always there: a local search for the tour, linear and integer programs for the proof.
 
 The linear relaxation (degree equations, and the inequalities of :mod:`.cuts` that its points violate) bounds every
-tour from below; legs whose reduced cost exceeds what is left to the best tour are then struck out, and HiGHS solves the
+tour from below. Legs whose reduced cost exceeds what is left to the best tour are then struck out, and HiGHS solves the
 integer program over the few that remain, with subtour inequalities added as its answers violate them (Dantzig,
 Fulkerson and Johnson, Operations Research 2, 1954). Limits are counts of nodes, never seconds.
 """
@@ -124,7 +124,7 @@ class _Program:
 class Relaxation(_Program):
     """The linear relaxation, and bounds from it that hold in exact integer arithmetic.
 
-    The simplex method runs in floating point; its dual values are rounded to a fixed grid, and any dual values, rounded
+    The simplex method runs in floating point. Its dual values are rounded to a fixed grid, and any dual values, rounded
     or not, bound every tour from below:  2 sum y + sum over legs of min(0, reduced cost). That sum is in integers.
     """
 

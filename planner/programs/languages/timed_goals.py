@@ -1,6 +1,6 @@
 """Goals of all joints with their times, a file a stretch: ROS 2 JointTrajectory (YAML), frames of a servo arm (CSV).
 
-A trajectory has a point a line, in radians; frames come at an even rate, and an event says where a leg or a stay ends.
+A trajectory has a point a line, in radians. Frames come at an even rate, and an event says where a leg or a stay ends.
 """
 
 import math
