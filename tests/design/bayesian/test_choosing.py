@@ -90,7 +90,7 @@ def kuka():
 
 def plain(weight):
     """Errors whose mean square is stated as it is."""
-    return Of(weight_per_prior=weight, state=np.sqrt)
+    return Of(weight_per_prior=weight, state=np.sqrt, doubt=0.0)
 
 
 def error_after(expected, samples):
@@ -160,7 +160,7 @@ def test_a_goal_is_reached_by_the_poses_that_are_settled_and_not_by_those_before
     """Settling takes some away here, as poses at a second fixture take the places of others."""
     rng = np.random.default_rng(3)
     white, weight = rng.standard_normal((60, 4)), np.diag([1e-6, 1e-6, 1e-7, 1e-7])
-    unknown = Of(weight_per_prior=weight, state=np.sqrt, state_limit=np.sqrt, where="")
+    unknown = Of(weight_per_prior=weight, state=np.sqrt, state_limit=np.sqrt, doubt=0.0, where="")
     order = np.arange(60)
     asked = []
 
