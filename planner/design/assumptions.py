@@ -51,9 +51,6 @@ INDUCED_RIVALS_PER_TRUTH = 2  # rivals that nobody named, taken up for each trut
 INDUCED_WEIGHT = 0.5  # of such a rival in the criterion; together they weigh at most half of those that are named
 
 # ---- how many poses, and how large an error
-SIZE_DOUBT = (
-    0.3  # one sigma of ln(error) where sizes are learnt: of 60 arms drawn 19 of 20 are below the limit so given
-)
 LIMIT_QUANTILE = 0.95  # of robots like this one stay below the error that is stated as a limit
 CHANCE_OF_A_LED_ARM = 0.95  # quantile of a led arm's length error that its cell file states as its error
 UNTRACED_TARGET_SHARE = 1 / 3  # of what stays untraced: so far the error is brought down if no number is given

@@ -13,6 +13,7 @@ in which what was not seen has c_i = s², and pulls nowhere.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,8 +27,6 @@ ALWAYS, MOSTLY, AT_TIMES, HARDLY_EVER = "always", "mostly", "at times", "hardly 
 """How often errors of a family act: the geometry's; gears and joints that yield; what else the catalogue names; what it
 has no name for. A session stops by them, so they promise less than an identification, which has half absent.
 """
-SEEN_TO_ACT = {MOSTLY: (3.0, 4.0), AT_TIMES: (1.0, 2.0), HARDLY_EVER: (1.0, 10.0)}
-"""Families of a kind that count as seen to act, and in all, before any reading (a beta distribution)."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +45,13 @@ class Families:
     known: np.ndarray
     acts: np.ndarray
     doubt: float = 0.0
+
+    # families of a kind that count as seen to act, and in all, before any reading (a beta distribution)
+    SEEN_TO_ACT: ClassVar[dict[str, tuple[float, float]]] = {
+        MOSTLY: (3.0, 4.0),
+        AT_TIMES: (1.0, 2.0),
+        HARDLY_EVER: (1.0, 10.0),
+    }
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -108,7 +114,7 @@ def learn_errors(white: Array, seen: Array, families: Families, begin: LearntErr
     offers = [families.factors(f) for f in range(len(families))]
     square, typical, noise = begin.factors**2, begin.typical.copy(), begin.noise**2
     model = LinearGaussian(white, begin.factors[families.number], np.full(len(white), begin.noise))
-    kinds = [(families.acts == kind, a, of) for kind, (a, of) in SEEN_TO_ACT.items()]
+    kinds = [(families.acts == kind, a, of) for kind, (a, of) in families.SEEN_TO_ACT.items()]
     acts = sum((np.where(mine, a / of, 0.0) for mine, a, of in kinds), np.zeros(len(square)))
     share = acts.copy()
     for turn in range(12):  # rounds: sizes move by less than a few per cent after that

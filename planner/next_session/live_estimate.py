@@ -16,13 +16,12 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.units import Array, read_only
-from planner.design.assumptions import SIZE_DOUBT
 from planner.design.expected_errors import ExpectedErrors
 from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
 from planner.design.learnt_foresight import LearntForesight
 from planner.design.learnt_posterior import LearntPosterior
 from planner.design.learnt_sizes import ALWAYS, AT_TIMES, HARDLY_EVER, MOSTLY, Families
-from planner.design.unnamed_errors import UnnamedErrors, add_unnamed_errors
+from planner.design.unnamed_errors import IdentifiedErrors, UnnamedErrors, add_unnamed_errors
 from planner.effects.effect import tool_point_parameters
 from planner.next_session.remaining_errors import CalibratedState, RemainingErrors, tool_names
 from planner.runs.run import Readings, Samples
@@ -263,7 +262,7 @@ def families(unknown: ExpectedErrors) -> Families:
     number = np.append(number, len(distinct) + family[len(names) :])
     shapes = unknown.catalogued if isinstance(unknown, UnnamedErrors) else np.zeros(0, dtype=bool)
     acts = np.append([MOSTLY if n in effects else ALWAYS for n in distinct], np.where(shapes, AT_TIMES, HARDLY_EVER))
-    return Families(number, np.arange(len(acts)) == 0, acts, SIZE_DOUBT)
+    return Families(number, np.arange(len(acts)) == 0, acts, IdentifiedErrors.doubt)
 
 
 def mean_errors(unknown: ExpectedErrors) -> Array:
