@@ -32,11 +32,20 @@ def shape_margins(robot: Robot, q: Array) -> Array:
     p, u = _axes(robot, q)
     wrist = _wrist(p, u)
     ahead = np.sum(np.cross(u[0], u[1]) * (wrist - p[0]), axis=-1)
-    p0, u0 = _axes(robot, np.zeros((1, 6)))
-    forward = np.sign(np.sum(np.cross(u0[0], u0[1]) * (_wrist(p0, u0) - p0[0])))
     sense = np.sign(robot.coupling_matrix[2, 2])
     elbow = sense * np.sum(np.cross(p[2] - p[1], wrist - p[2]) * u[2], axis=-1)
-    return np.column_stack([forward * ahead, -elbow, q[:, 4]])
+    return np.column_stack([_forward(robot) * ahead, -elbow, q[:, 4]])
+
+
+def _forward(robot: Robot) -> float:
+    """Return on which side of axis 1 the wrist counts as in front, +1 or -1: where it is at 0 of all joints.
+
+    Of an arm that stands upright there it is where joint 2 leans it as it turns up.
+    """
+    q = np.array([[0.0] * 6, [0.0, 0.5, 0.0, 0.0, 0.0, 0.0]])  # [rad]
+    p, u = _axes(robot, q)
+    ahead = np.sum(np.cross(u[0], u[1]) * (_wrist(p, u) - p[0]), axis=-1)
+    return float(np.sign(ahead[0] if abs(ahead[0]) > SHAPE_BORDER else ahead[1]))
 
 
 def shape_of(robot: Robot, q: Array) -> np.ndarray:
@@ -193,8 +202,6 @@ class WrittenShape:
 
 def elbow_up_is_over(robot: Robot) -> bool:
     """Return whether joint 3 counts more than at the stretched arm where the elbow is up and the arm in front."""
-    p, u = _axes(robot, np.zeros((1, 6)))
-    ahead = np.cross(u[0], u[1])
-    ahead = ahead * np.sign(np.sum(ahead * (_wrist(p, u) - p[0])))
-    left = np.cross([0.0, 0.0, 1.0], ahead)
+    _, u = _axes(robot, np.zeros((1, 6)))
+    left = np.cross([0.0, 0.0, 1.0], _forward(robot) * np.cross(u[0], u[1]))
     return bool(np.sum(left * u[2]) * np.sign(robot.coupling_matrix[2, 2]) > 0.0)

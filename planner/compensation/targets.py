@@ -152,7 +152,7 @@ class TargetReading:
         robot: the nominal robot.
         axes: names of the robot's joints in this language.
         pulses_per_deg: of the controller's axes; none where it is not known.
-        p_MC: origin of the controller's base frame in the model's, (3,) [m].
+        p_MC: origin of the controller's base frame in the model's, (3,) [m]; None where the robot's file does not say it.
         frames: tool and base that the person has named, for files that do not say them.
         companion: text of the other half of the module (KRL: ``.src`` and ``.dat``), or nothing.
         declared_together: names, in small letters, of targets in the other files that are corrected along with it.
@@ -168,7 +168,7 @@ class TargetReading:
     declared_together: frozenset[str] = frozenset()
     axes: tuple[str, ...] = ()
     pulses_per_deg: tuple[float, ...] = ()
-    p_MC: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    p_MC: tuple[float, ...] | None = None
     refused: list[Note] = field(default_factory=list)
     left: list[Note] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
@@ -215,7 +215,7 @@ class TargetReading:
     def add(self, target: Target, index: int | None = None) -> int:
         """Note a target, at the index that was reserved for it, and return the index."""
         index = self.reserve() if index is None else index
-        if target.pose is not None and any(self.p_MC):
+        if target.pose is not None and self.p_MC is not None:
             T_WB = np.array(target.pose.T_WB)
             T_WB[:3, 3] += self.p_MC
             target = replace(target, pose=replace(target.pose, T_WB=read_only(T_WB)))

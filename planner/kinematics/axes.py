@@ -35,7 +35,8 @@ class ControllerTable(StrictModel):
     ``coupling``, axes counted from 1; or ``same = true``. ``limit_deg`` and ``speed_deg_s`` are the controller's axes'.
     Where joints slide, the controller's axes are those that turn and behind them those that slide, as external axes;
     ``zero_mm`` are the zeros of these, and ``limit_deg`` and ``speed_deg_s`` are not said. ``pulses_per_deg`` is for
-    languages that count in pulses. ``base_mm`` is the origin of the controller's base frame in the model's.
+    languages that count in pulses. ``base_mm`` is the origin of the controller's base frame in the model's, left out where
+    it is not known: poses of the languages whose makers lay it elsewhere need it.
     """
 
     same: bool = False
@@ -46,7 +47,7 @@ class ControllerTable(StrictModel):
     limit_deg: tuple[tuple[Coordinate, Coordinate], ...] = ()
     speed_deg_s: tuple[PositiveFloat, ...] = ()
     pulses_per_deg: tuple[PositiveFloat, ...] = ()
-    base_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    base_mm: tuple[Coordinate, Coordinate, Coordinate] | None = None
     source: Annotated[OneLine, Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -77,7 +78,7 @@ class AxisConvention:
         speed: full speeds of the controller's axes, (N,) [rad/s].
         source: where this is known from.
         pulses_per_deg: of each axis, for languages that count in pulses; none where it is not known.
-        p_MC: origin of the controller's base frame in the model's, whose directions it has, (3,) [m].
+        p_MC: origin of the controller's base frame in the model's, whose directions it has, (3,) [m]; None: not known.
     """
 
     controller: str
@@ -88,7 +89,7 @@ class AxisConvention:
     speed: Array
     source: str = ""
     pulses_per_deg: tuple[float, ...] = ()
-    p_MC: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    p_MC: tuple[float, ...] | None = None
 
     @classmethod
     def model_convention(
@@ -240,7 +241,6 @@ def convention_from_table(where: str, controller: str, table: ControllerTable, j
     lower, upper = (
         (from_deg(side) for side in zip(*table.limit_deg, strict=True)) if table.limit_deg else (seen.lower, seen.upper)
     )
-    x, y, z = from_mm(table.base_mm).tolist()
     found = AxisConvention(
         controller=controller,
         matrix=read_only(matrix),
@@ -250,7 +250,7 @@ def convention_from_table(where: str, controller: str, table: ControllerTable, j
         speed=read_only(from_deg(table.speed_deg_s)) if table.speed_deg_s else seen.speed,
         source=table.source,
         pulses_per_deg=table.pulses_per_deg,
-        p_MC=(x, y, z),
+        p_MC=None if table.base_mm is None else tuple(from_mm(table.base_mm).tolist()),
     )
     _check_speeds(at, found, seen)
     if not found.is_coupled:

@@ -148,6 +148,15 @@ def test_a_pose_that_is_not_certain_is_left(old, new, why, kuka, tmp_path):
         compensate_file(path, robot, real, frames=FRAMES)
 
 
+def test_poses_need_the_place_of_the_makers_base_frame(kuka, tmp_path):
+    robot, real = kuka
+    robot = replace(robot, conventions=tuple(replace(c, p_MC=None) for c in robot.conventions))
+    path = tmp_path / "PART.JBI"
+    path.write_text(inform(robot, ROW[:1]), newline="")
+    with pytest.raises(InputError, match=r"base frame lies \(give base_mm under \[controllers.inform\] of robot.toml"):
+        compensate_file(path, robot, real, frames=FRAMES)
+
+
 def test_a_tool_that_no_file_holds_is_named(kuka, tmp_path):
     robot, real = kuka
     q = np.array([row for row in regular_angles(robot, 20, seed=5) if not is_rear(robot, row)])[:1]

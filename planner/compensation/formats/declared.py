@@ -157,7 +157,10 @@ class _DeclaredReader:
         straight = all(use.linear for use in pose.uses)
         keeps = position.shape is None or bool(position.shape.unknown and straight)
         follows = tuple(before) if len(before) == len(pose.uses) and keeps else ()
-        if isinstance(T_FT, str) or isinstance(T_WB, str):
+        if self.reading.p_MC is None:
+            at = f"give base_mm under [controllers.{self.dialect.name}] of {self.reading.robot.path.name}"
+            self.reading.leave(line, f"{where}: nobody says where the controller's base frame lies ({at})")
+        elif isinstance(T_FT, str) or isinstance(T_WB, str):
             why = next((f for f in frames if isinstance(f, str) and f), "no move of the file drives to it")
             self.reading.leave(line, f"{where}: {why}")
         elif keeps and not follows:
