@@ -152,7 +152,7 @@ class TargetReading:
         robot: the nominal robot.
         axes: names of the robot's joints in this language.
         pulses_per_deg: of the controller's axes; none where it is not known.
-        p_MC: origin of the controller's base frame in the model's, (3,) [m]; None where the robot's file does not say it.
+        p_MC: origin of the controller's base frame in the model's, (3,) [m]; None: not known.
         frames: tool and base that the person has named, for files that do not say them.
         companion: text of the other half of the module (KRL: ``.src`` and ``.dat``), or nothing.
         declared_together: names, in small letters, of targets in the other files that are corrected along with it.

@@ -35,8 +35,8 @@ class ControllerTable(StrictModel):
     ``coupling``, axes counted from 1; or ``same = true``. ``limit_deg`` and ``speed_deg_s`` are the controller's axes'.
     Where joints slide, the controller's axes are those that turn and behind them those that slide, as external axes;
     ``zero_mm`` are the zeros of these, and ``limit_deg`` and ``speed_deg_s`` are not said. ``pulses_per_deg`` is for
-    languages that count in pulses. ``base_mm`` is the origin of the controller's base frame in the model's, left out where
-    it is not known: poses of the languages whose makers lay it elsewhere need it.
+    languages that count in pulses. ``base_mm`` is the origin of the controller's base frame in the model's, left
+    out where it is not known: poses of languages whose makers lay it elsewhere need it.
     """
 
     same: bool = False
