@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
+from planner.compensation.arm_shapes import shape_of
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.rotations import to_euler
 from planner.compensation.targets import ToolAndBase
@@ -267,6 +268,13 @@ def val3(folder, robot, q, words="movel", shape="lefty epositive wpositive", too
 def frame_words(T):
     row = [*T[:3, 3] * 1e3, *Rotation.from_matrix(T[:3, :3]).as_euler("XYZ", degrees=True)]
     return " ".join(f'{key}="{v:.9f}"' for key, v in zip(("x", "y", "z", "rx", "ry", "rz"), row, strict=True))
+
+
+@pytest.mark.parametrize("name", ["staubli-tx2-60", "kawasaki-rs007n"])
+def test_an_arm_that_stands_upright_at_zero_has_a_front_and_a_rear(name):
+    robot, _ = arm(name)
+    forward, back = np.radians([[10, 40, 20, 20, 40, 30], [10, -40, 20, 20, 40, 30]])
+    assert shape_of(robot, np.array([forward, back])).tolist() == [2, 3]  # and the elbow bent forward in both
 
 
 def data_of(name, kind, rows):
