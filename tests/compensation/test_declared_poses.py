@@ -226,6 +226,7 @@ def test_an_as_program_of_poses_keeps_the_shape_of_the_joints_before(kuka, tmp_p
         ("BASE table\n", "", "", r"the file does not say the tool \(--tool\)"),
         ("TOOL grip\nBASE table\n", "JMOVE #start", "JMOVE #start\r\nLEFTY", "whose shape of the arm is kept"),
         ("TOOL grip\nBASE table\nPOINT table = HERE\n", "", "", "base table may be written by the program"),
+        ("TOOL grip\nBASE Table\nPOINT TABLE = HERE\n", "", "", "base table may be written by the program"),
         ("TOOL other\nBASE table\n", "", "", r"other is not in the files \(--tool\)"),
     ],
 )

@@ -1,7 +1,7 @@
 """Targets of every language whose parser says its positions and moves (:mod:`planner.programs.languages.declared`)."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -41,12 +41,19 @@ class _DeclaredReader:
         self.tool: str | None = None
         self.base: str | None = None
         self.last: int | None = None
-        named = [*self.positions, *self.known]
-        names = "|".join(map(re.escape, sorted(named, key=len, reverse=True)))
-        rows = "|".join(sorted({re.escape(n.partition("[")[0]) for n in named}, key=len, reverse=True))
-        self.named = re.compile(rf"(?<![\w#$.])(?:{names or '(?!)'}|{rows or '(?!)'})(?!{language.name_letter})")
+        self.names = {part for name in (*self.positions, *self.known) for part in (name, name.partition("[")[0])}
         others = (s for s in both if not isinstance(s, _NAME_NO_VALUE))
-        self.written = {found[0] for s in others for found in self.named.finditer(s.text)}  # or read, nobody knows
+        self.written = {name for s in others for name in self._names_in(s.text)}  # or read, nobody knows
+
+    def _names_in(self, text: str) -> Iterator[str]:
+        """Yield the positions and frames that a text names; a row by its bare name where the index is no number."""
+        for found in re.finditer(rf"(?<![\w#$.])#?[A-Za-z]{self.language.name_letter}*(\[[^\]]*\])?", text):
+            name = found[0].lower() if self.language.any_case else found[0]
+            row = name.partition("[")[0]
+            if name in self.names:
+                yield name
+            elif row in self.names and not re.fullmatch(r"\[\s*\d+\s*\]", found[1] or ""):
+                yield row
 
     def read(self) -> None:
         """Note what is corrected and what is left."""
@@ -88,8 +95,8 @@ class _DeclaredReader:
 
     def _note_uses(self, statement: st.Statement, shown: str) -> None:
         """A position that another statement names is not certain: it may be written there."""
-        for found in self.named.finditer(statement.text):
-            self.points.compute(found[0], f"is not certain: {shown} uses it too")
+        for name in self._names_in(statement.text):
+            self.points.compute(name, f"is not certain: {shown} uses it too")
 
     def _move(self, move: said.Move, line: int, shown: str) -> None:
         for name in move.targets:

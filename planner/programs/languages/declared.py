@@ -121,6 +121,7 @@ class DeclaredExecution(Execution):
         rotation: the axes of the three angles of a pose, as scipy's ``Rotation.from_euler`` takes them.
         shifts: a statement that begins so moves targets in a way that is not known here.
         name_letter: a letter that makes a name another one, where it stands behind it.
+        any_case: small letters and capitals make the same name; the parser yields small ones.
         stop: the statement that waits for the arm to stand, where the program runs ahead of it; a move before any other
             statement is then no exact stop.
     """
@@ -128,6 +129,7 @@ class DeclaredExecution(Execution):
     rotation: ClassVar[str]
     shifts: ClassVar[str] = NO_ROOM
     name_letter: ClassVar[str] = r"[\w.]"
+    any_case: ClassVar[bool] = False
     stop: ClassVar[str] = ""
 
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:

@@ -110,6 +110,7 @@ class AsExecution(said.DeclaredExecution, family="as"):
 
     parse_file = staticmethod(parse)
     rotation = "ZYZ"
+    any_case = True
     shifts = r"(?:X?ALTER|UTRACK|CVTRACK|SFTON)\b"
     stop = "BREAK"
 
