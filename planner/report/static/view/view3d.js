@@ -4,7 +4,8 @@ import { Orbit } from "./orbit.js";
 import { make } from "./make.js";
 
 const ROLES = { calibrate: "#0072B2", repeat: "#009E73", validate: "#CC79A7", mount: "#E69F00" };
-const MANY = 100; // poses: more of them hide the robot, and so does their path
+const MANY = 100; // poses: more of them hide the robot
+const TANGLED = 30; // poses: the path through more of them hides it
 const LINES = { "measuring path": "#3c3c3c", "path to the start": "#8c8c8c" };
 
 // Orange, green and blue of Okabe and Ito, which the colour-blind tell apart; the letters say it too.
@@ -125,8 +126,8 @@ export class CellView {
   addLine(line) {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(unpack(line.points, Float32Array), 3));
-    const colour = LINES[line.name] ?? "#3c3c3c", faint = this.view.spots.length > MANY;
-    const material = new THREE.LineBasicMaterial({ color: colour, transparent: faint, opacity: faint ? 0.15 : 1 });
+    const colour = LINES[line.name] ?? "#3c3c3c", faint = this.view.spots.length > TANGLED;
+    const material = new THREE.LineBasicMaterial({ color: colour, transparent: faint, opacity: faint ? 0.2 : 1 });
     this.scene.add(this.layer(line.name, colour, new THREE.Line(geometry, material)));
   }
 
