@@ -131,7 +131,7 @@ def dialects_command(as_json: Json = False) -> None:
                     "title": i.title,
                     "units": i.units,
                     "max_joints": i.max_joints,
-                    "resolution_deg": float(10.0**-i.decimals),
+                    "resolution_deg": None if i.pulses else float(10.0**-i.decimals),
                     "logs_at_rest": i.logs_axes,
                     "logs_in_passing": i.logs_passing,
                     "trace": i.trace,
@@ -143,5 +143,6 @@ def dialects_command(as_json: Json = False) -> None:
     table = Table("dialect", "title", "axes", "resolution", "blending", "logs its axes", box=None)
     for i in dialects():
         axes = f"{i.min_joints}–{i.max_joints}"
-        table.add_row(i.name, make_printable(i.title), axes, f"{10.0**-i.decimals:g}°", i.blend.kind, i.logging)
+        resolution = "1 pulse" if i.pulses else f"{10.0**-i.decimals:g}°"
+        table.add_row(i.name, make_printable(i.title), axes, resolution, i.blend.kind, i.logging)
     SafeConsole(width=WIDE_SIGNS).print(table)

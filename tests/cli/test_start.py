@@ -1,6 +1,7 @@
 """The command starts with what the called verb needs, and its help says what a person can type."""
 
 import inspect
+import json
 import re
 import subprocess
 import sys
@@ -68,6 +69,12 @@ def test_words_of_files_are_printed_as_they_stand(monkeypatch):
     robot = replace(robot_reader.load_robot("ur10"), title=title)
     monkeypatch.setattr(robot_reader, "load_robot", lambda name: robot)
     assert edbb("robots").stdout.count(title) == len(robot_reader.list_robots())
+
+
+def test_a_language_that_counts_in_pulses_has_no_resolution_in_degrees():
+    assert re.search(r"inform .* 1 pulse ", edbb("dialects").stdout)
+    resolution = {d["name"]: d["resolution_deg"] for d in json.loads(edbb("dialects", "--json").stdout)}
+    assert (resolution["inform"], resolution["krl"]) == (None, 1e-4)
 
 
 @pytest.mark.parametrize("name", ["", " "])
