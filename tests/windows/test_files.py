@@ -93,11 +93,12 @@ def test_a_file_that_is_held_is_named_and_all_stays_as_it_was(wine, folder, verb
 
 
 def test_a_file_that_is_held_and_would_be_the_same_is_no_obstacle(wine, folder):
-    before = contents(folder)
-    holder = wine.start(wine.python, "-c", HOLD, folder / "history/report.html", stdin=subprocess.PIPE)
+    before, held = contents(folder), folder / "history" / "report.html"
+    holder = wine.start(wine.python, "-c", HOLD, held, stdin=subprocess.PIPE)
     try:
         assert b"open" in holder.stdout.readline()
-        wine.edbb("record", "RECORD", "-o", "history", cwd=folder)
+        code, said = wine.run(wine.python, "-c", NTFS, held, "record", "RECORD", "-o", "history", cwd=folder)
+        assert code == 0, said
         assert contents(folder) == before
     finally:
         holder.communicate(b"\n", timeout=60)
