@@ -20,7 +20,7 @@ from planner.service.file_store import DiskFullError, DisturbedTransferError, Un
 from planner.service.job_folder import UnfinishedJobError
 from planner.service.job_keeping import KeptJobError, QuotaError
 from planner.service.job_store import UnknownJobError
-from planner.service.record_store import UnknownRecordError
+from planner.service.record_store import RecordConflictError, UnknownRecordError
 from planner.service.session_store import UnknownSessionError
 
 MEDIA_TYPE = "application/problem+json"
@@ -34,6 +34,7 @@ STATUS: tuple[tuple[type[PlannerError], int], ...] = (
     (UnknownRecordError, 404),
     (UnknownSessionError, 404),
     (UnfinishedJobError, 409),
+    (RecordConflictError, 409),
     (ChangedRobotError, 409),
     (UncertifiedError, 409),
     (KeptJobError, 409),

@@ -18,7 +18,11 @@ from planner.service.record_index import RecordedEntry, RecordIndex
 
 
 class UnknownRecordError(InputError):
-    """A robot that somebody names has no record."""
+    """A robot, or an entry of its record, that somebody names is not there."""
+
+
+class RecordConflictError(InputError):
+    """Something that a record, as it is, does not allow."""
 
 
 class RecordStore:
@@ -60,7 +64,7 @@ class RecordStore:
         """Make the record of a robot that was never measured; one that is there stays as it is.
 
         Raises:
-            InputError: it is there, of another model.
+            RecordConflictError: it is there, of another model.
         """
         with self.index.hold_alone():
             folder = self._folder / serial
@@ -69,21 +73,28 @@ class RecordStore:
                 self.index.read(serial)
             known = self.read(serial)
             if known.file.robot != robot:
-                raise InputError(f"{serial} is the serial number of a {known.file.robot} here, not of a {robot}")
+                raise RecordConflictError(
+                    f"{serial} is the serial number of a {known.file.robot} here, not of a {robot}"
+                )
             return known
 
     def withdraw(self, serial: str, number: int | None, withdrawal: Withdrawal) -> RobotRecord:
         """Let an entry count no more, or (``None``) a serial number without any; it stays, with the reason.
 
         Raises:
-            UnknownRecordError: there is no such record.
-            InputError: there is no such entry, or it was withdrawn already.
+            UnknownRecordError: there is no such record or entry.
+            RecordConflictError: it was withdrawn already, or the serial number has entries that count.
         """
         with self.index.hold_alone():
-            if number is None:
-                withdraw_record(self.path(serial), withdrawal)
-            else:
-                withdraw_entry(self.path(serial), number, withdrawal)
+            if number is not None and number not in [e.number for e in self.read(serial).entries]:
+                raise UnknownRecordError(f"{serial} has no entry {number}")
+            try:
+                if number is None:
+                    withdraw_record(self.path(serial), withdrawal)
+                else:
+                    withdraw_entry(self.path(serial), number, withdrawal)
+            except InputError as err:
+                raise RecordConflictError(str(err)) from err
             self.index.read(serial)
             return self.read(serial)
 

@@ -231,6 +231,9 @@ def test_a_calibration_is_of_one_robot_and_a_mistyped_serial_number_is_withdrawn
     assert not plant.get(f"/api/jobs/{CALIBRATED}").json()["fault"]
     # a robot that was never measured
     assert plant.put("/api/records/KR6-O816", json={"robot": NAME}).json()["line"] == "never measured"
-    assert plant.put("/api/records/KR6-O816", json={"robot": "another"}).status_code == 422
+    assert plant.put("/api/records/KR6-O816", json={"robot": "another"}).status_code == 409
     assert plant.post("/api/records/KR6-O816/withdrawal", json={"reason": "mistyped"}).json()["state"] == "withdrawn"
-    assert plant.post("/api/records/KR6-0851/withdrawal", json={"reason": "mistyped"}).status_code == 422
+    assert plant.post("/api/records/KR6-0851/withdrawal", json={"reason": "mistyped"}).status_code == 409
+    path = "/api/records/KR6-0815/entries/{}/withdrawal"
+    codes = [plant.post(path.format(n), json={"reason": "mistyped"}).status_code for n in (1, 405)]
+    assert codes == [409, 404], "withdrawn already, and not there"
