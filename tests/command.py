@@ -4,7 +4,7 @@ import io
 import os
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import chdir, redirect_stderr, redirect_stdout
 
 from planner.cli.app import main, verbs
 from planner.common.commands import extension_commands
@@ -29,11 +29,12 @@ def commands_that_run():
 def edbb(*words, threads=None, cwd=None, **env):
     """Run the command; what it printed and its exit code, as from ``subprocess.run``.
 
-    It has a process of its own where threads, a folder or the environment are asked for.
+    It has a process of its own where threads or the environment are asked for.
     """
     arguments = [str(w) for w in words]
-    if threads is None and cwd is None and not env:
-        return _here(arguments)
+    if threads is None and not env:
+        with chdir(cwd or "."):
+            return _here(arguments)
     done = subprocess.run(
         [sys.executable, "-m", "planner.cli", *arguments],
         capture_output=True,

@@ -4,8 +4,9 @@ import json
 import re
 import tomllib
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, ClassVar, TypeVar, get_args
+from typing import Annotated, ClassVar, TypeVar, cast, get_args
 
 from pydantic import (
     AfterValidator,
@@ -249,6 +250,16 @@ def read_toml(path: Path, model: type[SchemaModel]) -> SchemaModel:
         InputError: the file is missing, is no TOML, or a key is unknown, missing or out of range.
     """
     return validate(read_toml_content(path), model, str(path))
+
+
+def read_toml_again(path: Path, model: type[SchemaModel]) -> SchemaModel:
+    """Read a TOML file that one command asks for many times: anew only where its text has changed."""
+    return cast(SchemaModel, _read_text(path, model, read_utf8(path, MOST_TOML)))
+
+
+@lru_cache(maxsize=100)
+def _read_text(path: Path, model: type[BaseModel], _text: str) -> BaseModel:
+    return read_toml(path, model)
 
 
 def read_toml_content(path: Path) -> dict[str, object]:

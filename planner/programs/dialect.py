@@ -40,7 +40,7 @@ from pydantic import AfterValidator, Field, PrivateAttr
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
-from planner.common.schema import StrictModel, read_toml
+from planner.common.schema import StrictModel, read_toml_again
 from planner.common.units import Array
 from planner.programs.motion_styles import BlendStyle, CircleStyle, OverrideStyle, Pattern, SpeedStyle
 
@@ -373,17 +373,16 @@ def dialect_names() -> list[str]:
     return sorted(p.parent.name for p in dialect_root().glob("*/dialect.toml"))
 
 
-def load_dialect(name: str) -> Dialect:
-    """Read dialect ``name``, or ``name+option`` for a variant that its file offers.
+def load_dialect(name: str, known: Sequence[str] = ()) -> Dialect:
+    """Read dialect ``name``, or ``name+option`` for a variant that its file offers; ``known``: those on disk.
 
     Raises:
         InputError: no such dialect or option, or its file has an unknown, missing or wrong key.
     """
     base, _, option = name.partition("+")
-    known = dialect_names()
-    if base not in known:
+    if base not in (known := known or dialect_names()):
         raise InputError(f"no dialect '{name}'{did_you_mean(base, known)} (known: {', '.join(known)})")
-    dialect = read_toml(dialect_root() / base / "dialect.toml", Dialect)
+    dialect = read_toml_again(dialect_root() / base / "dialect.toml", Dialect)
     if option and option not in dialect.options:
         offered = ", ".join(f"{base}+{o}" for o in dialect.options) or "no options"
         raise InputError(f"dialect '{base}' has no option '{option}' (it offers: {offered})")
@@ -394,4 +393,5 @@ def load_dialect(name: str) -> Dialect:
 
 def dialects() -> tuple[Dialect, ...]:
     """Return every dialect on disk, in alphabetical order."""
-    return tuple(load_dialect(name) for name in dialect_names())
+    names = dialect_names()
+    return tuple(load_dialect(name, names) for name in names)

@@ -113,7 +113,7 @@ def _calibrated(gauge):
     """Names and texts of what a calibration by this gauge writes."""
     w = world()
     if gauge == "edbb":
-        text = runs.edbb_static(w.arm, 200, 6, w.truth, logs=()).run_csv
+        text = runs.edbb_static(w.arm, 110, 6, w.truth, logs=()).run_csv
     else:
         text = w.made.run_csv if gauge == "trical" else tracker_run(poses(60, seed=7), noise=5e-6)
     found = identify(loaded(text), load_cell(f"{NAME}/{gauge}"))

@@ -22,7 +22,7 @@ from tests.centring.test_session import angles, rows_of
 from tests.centring.world import pose
 
 
-def wait_for(condition, seconds=20.0):
+def wait_for(condition, seconds=120.0):
     until = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < until

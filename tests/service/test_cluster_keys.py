@@ -39,12 +39,12 @@ def good(_): return {"state": "done", "files": {"a.csv": b"1" * 3_000_000}, "lis
 client = connect(sys.argv[1], Path(sys.argv[2]), "--cluster", 20.0, "test", only_data=True)
 for work in (evil, nested, fails):
     try:
-        found = repr(client.submit(work, 0, pure=False).result(timeout=30))
+        found = repr(client.submit(work, 0, pure=False).result(timeout=300))
     except Exception as err:
         found = repr(err)
     assert "Evil object" not in found, found
     assert not Path(sys.argv[3]).exists(), work
-found = client.submit(good, 0, pure=False).result(timeout=30)
+found = client.submit(good, 0, pure=False).result(timeout=300)
 assert found["files"]["a.csv"] == b"1" * 3_000_000, found
 assert list(found["list"]) == [1, 2.5, None, True], found
 print("data alone")
@@ -54,7 +54,7 @@ client.close()
 
 def is_kept_out(port, context=None):
     """Tell whether a stranger is given no word by what listens there, with TLS but no certificate, or without TLS."""
-    with socket.create_connection(("127.0.0.1", int(port)), timeout=10) as plain:
+    with socket.create_connection(("127.0.0.1", int(port)), timeout=60) as plain:
         try:
             with context.wrap_socket(plain) if context else plain as connection:
                 connection.sendall(b"\x00" * 64)
@@ -151,5 +151,5 @@ def test_keys_let_in_and_pickles_stay_unread(tmp_path):
             assert is_kept_out(each, context)
             assert is_kept_out(each)
             context.load_cert_chain(keys / "cert.pem", keys / "key.pem")
-            with socket.create_connection(("127.0.0.1", int(each)), timeout=10) as plain:
+            with socket.create_connection(("127.0.0.1", int(each)), timeout=60) as plain:
                 assert context.wrap_socket(plain).recv(1)  # who has the keys is greeted

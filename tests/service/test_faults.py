@@ -212,7 +212,7 @@ def test_a_large_upload_does_not_hold_up_others(tmp_path, monkeypatch):
     """While the disk takes its time to keep a file, the loop that serves everybody goes on."""
     served, finish = threading.Event(), FileStore.finish
     monkeypatch.setattr(
-        FileStore, "finish", lambda *a, **k: finish(*a, **k) if served.wait(20.0) else pytest.fail("held up")
+        FileStore, "finish", lambda *a, **k: finish(*a, **k) if served.wait(PATIENCE_S) else pytest.fail("held up")
     )
 
     class Sent:

@@ -22,6 +22,7 @@ from tests.wings.installation import ROOT, WINGS, edbb_in, files_of, install_wit
 
 TABLES, REGISTERED = registered.TABLES, registered.__file__
 READ = "from planner.cell.reading import load_cell, shipped_cells; print(shipped_cells()); load_cell('mine.toml')"
+QUICK = ("checks", "serving")  # of a room and of the service; the release is tried without each
 LISTED = re.compile(r"^│ ([\w-]+) {2,}\w", re.MULTILINE)
 HOME = ROOT / "planner"
 EVERY_MODULE = """
@@ -145,7 +146,7 @@ def test_extensions_register_in_the_tables_that_are_compared_and_nowhere_else(ea
     assert all(len(each[wing]) == len(set(each[wing])) > 0 for wing in WINGS)
 
 
-@pytest.mark.parametrize("wing", WINGS)
+@pytest.mark.parametrize("wing", [w if w in QUICK else pytest.param(w, marks=pytest.mark.long) for w in WINGS])
 def test_without_an_extension_all_but_its_own_is_registered_and_listed(tmp_path, wing, each):
     """Registration adds up: so a test of the core that passes with all extensions and with none passes with some.
 

@@ -1,13 +1,16 @@
 """Two small plans, made once by the command line as a user would: one measured while moving, one at rest."""
 
 import json
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import planner.design.pose_selection as pose_selection
 from planner.cell.reading import load_cell
+from planner.design.selection.index_search import exchange_poses
 from tests.command import edbb
 from tests.not_everywhere import require_planning
 
@@ -30,6 +33,15 @@ FEWER = (("candidates = 3000", "candidates = 300"),)
 POSES = 28
 
 
+@contextmanager
+def quick_search():
+    """Search for the poses in a twelfth of the steps, and show less of the curve: what a bound says holds anyway."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pose_selection, "SHOWN_SIZES", (POSES, 60))
+        patch.setattr(pose_selection, "exchange_poses", partial(exchange_poses, steps=1000))
+        yield
+
+
 @dataclass(frozen=True)
 class Planned:
     cell_path: Path
@@ -43,8 +55,7 @@ def planned(name, folder, poses, *dialects, changes=()):
     require_planning()
     path = small_cell(name, folder, *changes)
     words = [w for d in dialects for w in ("--dialect", d)]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pose_selection, "SHOWN_SIZES", (POSES, 60))  # the curve is only shown
+    with quick_search():
         done = edbb("plan", path, "-o", folder / "out", "--poses", poses, "--json", *words)
     assert done.returncode == 0, done.stderr
     plan = json.loads((folder / "out" / "plan.json").read_text())

@@ -1,11 +1,10 @@
 """A language of which the robot's file says nothing is refused by every command, with the lines to add."""
 
-import time
-
 import pytest
 
 from planner.kinematics.robot_reader import load_robot
 from planner.kinematics.robot_writer import RobotCorrections, write_robot
+from planner.session.bar_poses import BarPoses
 from tests.command import edbb
 
 ADD = ("[controllers.", "same = true", "sense = [1, 1, 1, 1, 1, 1]", "robot.md", "kuka-kr6-r700/robot.toml")
@@ -17,11 +16,10 @@ def check_refused(done, language):
     assert all("".join(word.split()) in said for word in (*ADD, f"[controllers.{language}]"))
 
 
-def test_planning_ends_at_once(tmp_path):
-    begin = time.perf_counter()
+def test_planning_ends_at_once(tmp_path, monkeypatch):
+    monkeypatch.setattr(BarPoses, "draw", lambda *_: pytest.fail("poses are drawn"))
     done = edbb("plan", "kuka-kr6-r700/edbb", "-o", tmp_path / "out", "--dialect", "krl", "--dialect", "urscript")
     check_refused(done, "urscript")
-    assert time.perf_counter() - begin < 30.0  # no pose was drawn
     assert not (tmp_path / "out").exists()
 
 

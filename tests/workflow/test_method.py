@@ -15,7 +15,7 @@ from planner.session.options import PlanOptions
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan
 from tests.command import edbb
-from tests.workflow.conftest import small_cell
+from tests.workflow.conftest import quick_search, small_cell
 
 FEW = (("candidates = 3000", "candidates = 250"), ("validate = 4", "validate = 2"))
 
@@ -24,7 +24,8 @@ FEW = (("candidates = 3000", "candidates = 250"), ("validate = 4", "validate = 2
 def pruned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pruned")
     path = small_cell("comau-nj130/paper", folder, *FEW)
-    done = edbb("plan", path, "--as-published", "--poses", 30, "-o", folder / "out")
+    with quick_search():
+        done = edbb("plan", path, "--as-published", "--poses", 30, "-o", folder / "out")
     assert done.returncode == 0, done.stderr
     return path, folder / "out", done.stdout + done.screen
 
@@ -99,7 +100,8 @@ def test_the_poses_are_those_that_naive_pruning_leaves(pruned):
     path, folder, _ = pruned
     session = BarPoses(load_cell(str(path)), PlanOptions(poses=30, method="pruning"))
     session.draw(Stages())
-    choice = session.select(Stages()).choice
+    with quick_search():
+        choice = session.select(Stages()).choice
     rows = choice.model.rows(session.pool.samples)[:, 0]
     seen = json.loads((folder / "plan.json").read_text())["observability"]
     assert naive_condition(rows, 30) == pytest.approx(seen["O2"], rel=1e-6)
@@ -121,7 +123,8 @@ def test_without_a_number_pruned_poses_are_as_many_as_its_curve_bends_at(pruned)
     path, _, _ = pruned
     session = BarPoses(load_cell(str(path)), PlanOptions(method="pruning"))
     session.draw(Stages())
-    choice = session.select(Stages()).choice
+    with quick_search():
+        choice = session.select(Stages()).choice
     assert not session.tracing
     assert len(choice.q) == choice.pruning.left.knee
 

@@ -11,7 +11,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-import planner.design.pose_selection as pose_selection
 from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError, PlannerError
 from planner.common.progress import TimeIsOverError
@@ -21,14 +20,14 @@ from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
 from planner.programs.rendering import ProgramFile
 from planner.runs.run import Samples
-from planner.session.document import read_plan
+from planner.session.document import PlanDocument, read_plan
 from planner.session.planning import PoseSession
 from planner.workflow.plan_results import PosesResult
 from planner.workflow.plan_use import export
 from planner.workflow.planning import plan
 from tests.command import edbb
 from tests.programs.reading import read_back
-from tests.workflow.conftest import FEWER, POSES, small_cell
+from tests.workflow.conftest import FEWER, POSES, quick_search, small_cell
 
 KEYS = {
     "schema", "plan_id", "robot", "cell", "seed", "parameters", "dropped", "funnel", "poses", "supports",
@@ -79,6 +78,10 @@ def test_the_plan_keeps_the_contract(either):
     assert plan["tour"]["lower_bound_s"] <= plan["tour"]["cost_s"] <= plan["tour"]["unsorted_s"]
     assert json.loads(either.stdout) == plan
     assert either.stderr == ""
+
+
+def test_a_plan_is_read_whole(either):
+    assert json.dumps(PlanDocument.model_validate(either.plan).content()) == json.dumps(either.plan)
 
 
 def test_the_index_is_that_of_a_numeric_jacobian(either):
@@ -194,9 +197,10 @@ def test_every_index_is_said_with_its_units(moving):
 
 
 def test_export_to_standard_output(moving):
-    done = edbb("export", moving.folder / "plan.json", "--dialect", "din66025", "-o", "-")
+    done = edbb("export", moving.folder / "plan.json", "--dialect", "bnr", "-o", "-")
     assert done.returncode == 0, done.stderr
-    assert moving.plan["plan_id"] in done.stdout
+    (file,) = (p["file"] for p in moving.plan["programs"] if p["dialect"] == "bnr")
+    assert done.stdout.encode("latin-1") == (moving.folder / file).read_bytes()
     assert done.stderr == ""
 
 
@@ -307,10 +311,10 @@ def test_poses_that_no_proven_path_joins_in_time_are_told_and_are_no_plan(tmp_pa
         raise TimeIsOverError("the time limit is over while motions are proven")
 
     monkeypatch.setattr(PoseSession, "_drive_places", give_up)
-    monkeypatch.setattr(pose_selection, "SHOWN_SIZES", (POSES, 60))
     unrefined = ("[plan]", "[plan]\nrefine = false")
     cell, folder = small_cell("kuka-kr6-r700/edbb", tmp_path / "cell", *FEWER, unrefined), tmp_path / "out"
-    found = plan(cell, poses=POSES, time_limit_s=1e4)
+    with quick_search():
+        found = plan(cell, poses=POSES, time_limit_s=1e4)
     assert isinstance(found, PosesResult)
     assert found.cut_short[-1] in found.summary()
     assert f"no set of these falls below {found.poses.certificate.value:#.4g}" in found.summary()  # less is better

@@ -36,10 +36,6 @@ def test_an_older_plan_is_read_whole():
     assert json.dumps(read_plan(OLDER).content()) == json.dumps(content)
 
 
-def test_a_plan_is_read_whole(either):
-    assert json.dumps(PlanDocument.model_validate(either.plan).content()) == json.dumps(either.plan)
-
-
 def test_a_wrong_number_of_a_plan_is_named(tmp_path):
     content = json.loads(OLDER.read_text())
     content["observability"]["on_grid"]["gap"] = "small"

@@ -1,10 +1,12 @@
 """Same input, same seed, same bytes: in another process, on any number of threads, whatever order a set has."""
 
 import shutil
+import subprocess
+import sys
 
-from tests.command import edbb
-from tests.golden.case import lay_files
+from tests.golden.case import ROOT, lay_files
 from tests.golden.cases import CASES
+from tests.processors import with_threads
 
 
 def test_a_calibration_is_the_same_on_one_thread_and_on_two(tmp_path):
@@ -13,7 +15,10 @@ def test_a_calibration_is_the_same_on_one_thread_and_on_two(tmp_path):
     written = []
     for threads in ("1", "2"):
         lay_files(case, tmp_path)
-        done = edbb(*step.words, threads=threads, cwd=tmp_path)
+        how = with_threads(threads)
+        how["env"] |= {"PYTHONPATH": str(ROOT)}
+        command = [sys.executable, "-m", "tests.golden.command", *step.words]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, **how)
         assert done.returncode == 0, done.stderr
         files = (p for p in (tmp_path / "found").rglob("*") if p.is_file())
         written.append({str(p.relative_to(tmp_path)): p.read_bytes() for p in files})

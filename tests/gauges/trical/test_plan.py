@@ -61,10 +61,11 @@ def test_the_whole_way_is_free_in_a_dense_sweep(planned):
     path = drive.course.measuring
     share = np.linspace(0, 1, SWEEP)[:, None]
     ball = {v.id: v.ball for v in drive.visits}
-    clearance = cell.motion.clearance
+    clearance, judges = cell.motion.clearance, {}
     for k in range(len(path.q) - 1):
         ends = [ball[int(v)] for v in path.visit[k : k + 2] if v >= 0]
-        judge = FclWorld(scene.at_ball(ends[0]) if ends else scene)
+        at = ends[0] if ends else None
+        judge = judges[at] = judges.get(at) or FclWorld(scene.at_ball(at) if ends else scene)
         states = path.q[k] + share * (path.q[k + 1] - path.q[k])
         assert judge.distances(states[:: 1 if ends else 3]).min() > clearance - 1e-6
     travel = drive.course.travel.q

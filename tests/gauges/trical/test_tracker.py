@@ -18,7 +18,7 @@ from planner.workflow.planning import plan_cell
 @pytest.fixture(scope="module")
 def cell():
     whole = load_cell("kuka-kr6-r700/tracker")
-    return replace(whole, plan=replace(whole.plan, candidates=800, validate=25))
+    return replace(whole, plan=replace(whole.plan, candidates=400, validate=25))
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def test_five_hundred_validate_by_default_and_ten_where_others_calibrate(tmp_pat
     cell = load_cell(str(path))
     assert cell.plan.validate == 10
     monkeypatch.setattr(Tracker, "validates_with", 30)  # quicker
-    cell = replace(cell, plan=replace(cell.plan, candidates=800))
+    cell = replace(cell, plan=replace(cell.plan, candidates=300))
     roles = [v.role for v in plan_cell(cell, PlanOptions(), Stages(lambda *_: None)).drives[0].visits]
     assert (roles.count("validate"), roles.count("calibrate")) == (30, 0)
 
