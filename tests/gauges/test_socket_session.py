@@ -15,6 +15,7 @@ from planner.simulation.simulated_run import simulate_run
 from planner.simulation.truth import draw_truth
 from planner.workflow.planning import plan_cell
 from tests.programs.reading import read_back
+from tests.quick_search import quick_search
 
 APPROACH, WAIT = 0.060, 0.015  # [m] of the shipped cell
 
@@ -23,7 +24,8 @@ APPROACH, WAIT = 0.060, 0.015  # [m] of the shipped cell
 def planned():
     cell = load_cell("ur5e/sockets")
     quick = replace(cell, plan=replace(cell.plan, candidates=150, poses=12, repeat=0, validate=0))
-    return plan_cell(quick, PlanOptions(), Stages(lambda *_: None))
+    with quick_search():
+        return plan_cell(quick, PlanOptions(), Stages(lambda *_: None))
 
 
 def poses_of(planned):

@@ -16,7 +16,7 @@ from planner.fit.assumptions import SIGNIFICANCE
 from planner.model.identification_document import Identification, error_size
 from tests.report.calibrated import calibrated
 
-CASES = [("edbb_static", 90), ("tracker", 60), ("balls", 60), ("edbb_continuous", 5000)]
+CASES = [("edbb_static", 90), ("tracker", 60), ("balls", 60), ("edbb_continuous", 2500)]
 KEYS = {
     "schema", "robot", "n_samples", "n_groups", "split", "stages", "parameters", "findings", "unexplained",
     "noise_floor_mm", "condition_number", "warnings",
@@ -131,8 +131,8 @@ def test_degrees_of_freedom_are_those_of_the_readings() -> None:
     dof = c.content()["degrees_of_freedom"]
     fitted = sum(e.identifiable for e in c.estimates)
     assert len(c.run) - fitted <= dof < len(c.run) - 0.7 * fitted
-    long = calibrated("edbb_continuous", 5000)
-    assert long.content()["degrees_of_freedom"] < 5000 / long.correlation_time
+    long = calibrated("edbb_continuous", 2500)
+    assert long.content()["degrees_of_freedom"] < 2500 / long.correlation_time
 
 
 def test_what_is_left_reads_as_the_tests_say() -> None:

@@ -1,18 +1,15 @@
 """Two small plans, made once by the command line as a user would: one measured while moving, one at rest."""
 
 import json
-from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import pytest
 
-import planner.design.pose_selection as pose_selection
 from planner.cell.reading import load_cell
-from planner.design.selection.index_search import exchange_poses
 from tests.command import edbb
 from tests.not_everywhere import require_planning
+from tests.quick_search import quick_search
 
 
 def small_cell(name, folder, *changes):
@@ -31,15 +28,6 @@ def small_cell(name, folder, *changes):
 
 FEWER = (("candidates = 3000", "candidates = 300"),)
 POSES = 28
-
-
-@contextmanager
-def quick_search():
-    """Search for the poses in a twelfth of the steps, and show less of the curve: what a bound says holds anyway."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pose_selection, "SHOWN_SIZES", (POSES, 60))
-        patch.setattr(pose_selection, "exchange_poses", partial(exchange_poses, steps=1000))
-        yield
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from planner.session.options import PlanOptions
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan
 from tests.command import edbb
-from tests.workflow.conftest import quick_search, small_cell
+from tests.quick_search import quick_search
+from tests.workflow.conftest import small_cell
 
 FEW = (("candidates = 3000", "candidates = 250"), ("validate = 4", "validate = 2"))
 

@@ -27,7 +27,8 @@ from planner.workflow.plan_use import export
 from planner.workflow.planning import plan
 from tests.command import edbb
 from tests.programs.reading import read_back
-from tests.workflow.conftest import FEWER, POSES, quick_search, small_cell
+from tests.quick_search import quick_search
+from tests.workflow.conftest import FEWER, POSES, small_cell
 
 KEYS = {
     "schema", "plan_id", "robot", "cell", "seed", "parameters", "dropped", "funnel", "poses", "supports",

@@ -10,6 +10,13 @@ from planner.cell.reading import load_cell
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.motion.collision.engines import pin_model
 from tests.not_everywhere import pin
+from tests.quick_search import quick_search
+
+
+@pytest.fixture(scope="package", autouse=True)
+def quick():
+    with quick_search():
+        yield
 
 
 @pytest.fixture(scope="session")
