@@ -44,6 +44,7 @@ def test_one_wrong_reading_is_named(detector):
         assert weigh(detector, 3e-3 * np.eye(N)[k] + noise(detector, rng)).wrong_reading == k
 
 
+@pytest.mark.long
 def test_probabilities_are_as_often_right_as_they_say(detector):
     """Changes drawn as the weights say that they are: of those with a probability of p a share p is the right one."""
     rng, chances, hits = np.random.default_rng(4), [], []

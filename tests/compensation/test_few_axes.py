@@ -36,7 +36,7 @@ def reached(robot, n, seed=0):
 
 
 @pytest.mark.parametrize("name", ["so101", RX150])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_nearly_all_reachable_targets_come_nearer(name, seed):
     robot, real = arm(name, seed)
     q = reached(robot, 80, seed)

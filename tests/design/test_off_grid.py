@@ -29,7 +29,7 @@ def refined(index):
     return cell, pool, refine_poses(cell, choice, 0)
 
 
-@pytest.mark.parametrize("index", ["O1", "O2"])
+@pytest.mark.parametrize("index", [pytest.param("O1", marks=pytest.mark.long), "O2"])
 def test_no_refined_set_beats_the_bound_off_the_grid(index):
     cell, pool, choice = refined(index)
     among, off = choice.certificate, certify_off_grid(cell, pool, choice)

@@ -11,7 +11,7 @@ from tests.golden.quantity import Quantity, changes, read_table, renewed, write_
 
 DRIVE = Quantity("arm", "drive", 12.0, "min", "5 %", "less")
 POSES = Quantity("arm", "poses", 40.0, "", "0")
-QUICK = {"import", "lists"}
+QUICK = {"import"}
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from tests.simulation.generator.poses import at_targets, shell_points
 from tests.simulation.generator.truth import Noise, draw_errors
 
 CELLS = ("comau-nj130/edbb", "ur10/edbb")
+QUICK_CELLS = (CELLS[0], pytest.param(CELLS[1], marks=pytest.mark.long))
 POSES, FITS = 60, 150
 
 
@@ -41,14 +42,14 @@ def planned(reference):
     return model, World(arm, q, np.arange(POSES) * 20.0, fixture, tool, run, cell, fitted)
 
 
-@pytest.mark.parametrize("reference", CELLS)
+@pytest.mark.parametrize("reference", QUICK_CELLS)
 def test_plan_and_fit_use_the_same_parameters(reference):
     plan, w = planned(reference)
     assert w.model.names == plan.names
     assert np.allclose(w.model.prior, plan.prior)
 
 
-@pytest.mark.parametrize("reference", CELLS)
+@pytest.mark.parametrize("reference", QUICK_CELLS)
 def test_plan_and_fit_have_the_same_rows_and_noise(reference):
     plan, w = planned(reference)
     assert np.allclose(w.model.rows(w.run.samples), plan.rows(Samples.at(w.q)), atol=1e-12)

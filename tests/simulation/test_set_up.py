@@ -41,6 +41,7 @@ def test_the_fixture_stands_where_an_independent_arm_comes(name):
         assert np.linalg.norm((p + R @ tool)[0] - fixture) < 1e-7
 
 
+@pytest.mark.long
 def test_a_hand_adjusts_it_and_sets_the_zero_there():
     cell = load_cell("comau-nj130/edbb")
     known = load_cell("comau-nj130/paper")

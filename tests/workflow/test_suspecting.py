@@ -76,7 +76,9 @@ def test_runs_of_every_size_pass(cell, reach):
     check_unit(run_of(cell, poses(40, reach)), cell)
 
 
-@pytest.mark.parametrize("noise", [5e-5, 2e-4, 1e-3])
+@pytest.mark.parametrize(
+    "noise", [pytest.param(5e-5, marks=pytest.mark.long), 2e-4, pytest.param(1e-3, marks=pytest.mark.long)]
+)
 def test_an_arm_that_turns_about_its_point_passes(cell, noise):
     """The flange moves by a hundred millimetres or more, the point by less than one: that is no other unit."""
     at = points(cell, poses(1, 0.0))[0]

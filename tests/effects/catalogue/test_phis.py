@@ -71,7 +71,12 @@ def column_and_differences(setup, s, target, parameter):
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"), [("comau-nj130", "length"), ("kuka-kr6-r700", "position"), ("comau-nj130", "pose")]
+    ("name", "kind"),
+    [
+        ("comau-nj130", "length"),
+        ("kuka-kr6-r700", "position"),
+        pytest.param("comau-nj130", "pose", marks=pytest.mark.long),
+    ],
 )
 def test_columns_are_the_derivative_of_the_prediction(name, kind):
     rng = np.random.default_rng(3)
