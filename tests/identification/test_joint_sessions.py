@@ -97,8 +97,7 @@ def test_a_joint_that_jumps_between_two_sessions_is_named(tmp_path, other):
         world.measure(tmp_path / "first", BAR_LEFT, 1).run,
         world.measure(tmp_path / "next", OTHERS[other], 101, {"theta3": JUMP}).run,
     ]
-    with few_draws():
-        found = identify(runs)
+    found = identify(runs, release=False)
     between = [f for f in found.findings if f.between_sessions]
     assert [(f.effect, f.on) for f in between] == [("step", "joint 3")]
     assert between[0].value == pytest.approx(JUMP, abs=4 * between[0].std)

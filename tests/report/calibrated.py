@@ -11,7 +11,7 @@ import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.common.files import data_folder
 from planner.documents.calibration import Calibration
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_run
 from planner.runs.run import Run
 from tests.identification.few_draws import few_draws
@@ -21,8 +21,11 @@ from tests.simulation.generator.truth import draw_truth
 
 @cache
 @few_draws()
-def calibrated(kind: str, count: int, wave: float = 0.0) -> Calibration:
-    """Identify a made run of the NJ-130; ``wave`` [rad] is the size of a gear error twice a turn of joint 4."""
+def calibrated(kind: str, count: int, wave: float = 0.0, released: bool = True) -> Calibration:
+    """Identify a made run of the NJ-130; ``wave`` [rad] is the size of a gear error twice a turn of joint 4.
+
+    ``released``: a robot is made of it, else there are the stages of the fit alone.
+    """
     arm = Arm.from_toml(data_folder("robots") / "comau-nj130" / "robot.toml")
     made = getattr(runs, kind)(arm, count, seed=3, truth=draw_truth(arm, 3), logs=("temperature", "direction"))
     with TemporaryDirectory() as place:
@@ -30,7 +33,7 @@ def calibrated(kind: str, count: int, wave: float = 0.0) -> Calibration:
         run, cell = load_run(run_file, 6), load_cell(str(cell_file), planning=False)
     if wave:
         run = waved(run, arm, wave, made.scene.tool, made.scene.fixture)
-    return identify(run, cell)
+    return identify(run, cell, settings=FitSettings(release=released))
 
 
 def waved(run: Run, arm: Arm, size: float, tool: np.ndarray, fixture: np.ndarray) -> Run:

@@ -24,7 +24,7 @@ DRAWS = 400
 
 @pytest.fixture(scope="module")
 def c() -> Calibration:
-    return calibrated("edbb_static", 160)
+    return calibrated("edbb_static", 160, released=False)
 
 
 def drawn(rest: ProjectedResidual, white: np.ndarray) -> ProjectedResidual:
@@ -42,7 +42,7 @@ def looked_at(problem: FitProblem, c: Calibration) -> tuple[ProjectedResidual, R
 @pytest.mark.long
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case[0])
 def test_noise_alone_is_called_chance(case: tuple[str, int]) -> None:
-    left = calibrated(*case).diagnosis
+    left = calibrated(*case, released=False).diagnosis
     assert left.trials
     assert not left.structured
     assert left.rms == 0.0
@@ -134,7 +134,7 @@ def test_what_is_planted_is_found_where_it_is(c: Calibration) -> None:
 
 
 def test_too_small_a_run_says_so() -> None:
-    left = calibrated("edbb_static", 34).diagnosis
+    left = calibrated("edbb_static", 34, released=False).diagnosis
     assert not left.trials
     assert not left.structured
     assert "too few" in left.sentence
