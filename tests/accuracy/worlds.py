@@ -12,7 +12,7 @@ import tests.simulation.generator.catalogue as catalogue
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.documents.calibrated_robot import calibrated_files
-from planner.identification.pipeline import identify
+from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_run
 from tests.identification.few_draws import few_draws
 from tests.simulation.generator.arm import Arm
@@ -116,7 +116,7 @@ def _calibrated(gauge):
         text = runs.edbb_static(w.arm, 110, 6, w.truth, logs=()).run_csv
     else:
         text = w.made.run_csv if gauge == "trical" else tracker_run(poses(60, seed=7), noise=5e-6)
-    found = identify(loaded(text), load_cell(f"{NAME}/{gauge}"))
+    found = identify(loaded(text), load_cell(f"{NAME}/{gauge}"), settings=FitSettings(release=False))
     return (*calibrated_files(found), ("identification.json", found.to_json()))
 
 

@@ -26,23 +26,24 @@ def base_mm(found):
     return 1e3 * np.array([told[f"base_{axis}"] for axis in "xyz"])
 
 
-def released_error(found, name):
-    fit = found.released.fit
+def error_of(found, name):
+    fit = (found.released or found).fit
     return float(fit.errors[fit.model.names.index(name)])
 
 
 @few_draws()
-def test_the_bases_errors_count_from_the_cells_place():
+@pytest.mark.parametrize("release", [False, pytest.param(True, marks=pytest.mark.long)])
+def test_the_bases_errors_count_from_the_cells_place(release):
     """Another place in the cell is another error of the base, by as much; where the artifact is found stays."""
     run, _ = made(2, soft=1e-4)
     by_mm = np.array([1.5, -2.0, 0.7])
-    here, there = identify(run, cell()), identify(run, moved(by_mm))
+    here, there = (identify(run, c, settings=FitSettings(release=release)) for c in (cell(), moved(by_mm)))
     assert np.allclose(base_mm(there) - base_mm(here), by_mm, atol=1e-4)
     place, again = (found.frames.places[0] for found in (here, there))
     assert np.allclose(place.position, again.position, atol=1e-8)
     assert np.allclose(place.rpy, again.rpy, atol=1e-8)
-    turn = Rotation.from_euler("XYZ", [released_error(here, f"base_r{x}") for x in "xyz"])
-    shift = 1e3 * np.array([released_error(here, f"base_{x}") for x in "xyz"])
+    turn = Rotation.from_euler("XYZ", [error_of(here, f"base_r{x}") for x in "xyz"])
+    shift = 1e3 * np.array([error_of(here, f"base_{x}") for x in "xyz"])
     wanted = turn.inv().apply(np.array(cell().file.artifact.position_mm) - shift)
     assert np.allclose(1e3 * np.array(place.position), wanted, atol=1e-4)
     assert not any("from where [artifact]" in w for w in (*here.warnings, *there.warnings))
