@@ -10,6 +10,7 @@ from planner.cli.app import command_function, load_command
 from tests.command import commands_that_run, edbb
 
 COMMANDS = [name for name in commands_that_run() if "as_json" in command_function(name).__annotations__]
+QUICK = ("plan", "identify", "robots", "record")  # declared once for all doors, and typed for the terminal
 CHATTY = """
 import ctypes, functools, os, subprocess, sys
 from planner.cli import app, terminal
@@ -50,7 +51,7 @@ def test_there_are_commands_with_json():
     assert {"plan", "identify", "check", "robots", "loaded-places"} <= set(COMMANDS)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.long) for n in COMMANDS])
 def test_what_libraries_print_is_not_among_the_results(tmp_path, name):
     (tmp_path / "file").touch()
     done = chatty([name, *needed_words(name, tmp_path / "file"), "--json"])

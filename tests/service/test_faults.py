@@ -236,19 +236,27 @@ def test_a_large_upload_does_not_hold_up_others(tmp_path, monkeypatch):
 PATIENCE_S = 60.0  # of a test: the machine may be busy
 
 
-@pytest.fixture
-def impatient(tmp_path):
+@pytest.fixture(scope="module")
+def impatient_server(tmp_path_factory):
     """A service that waits 1 s for headers, and as long for a body that is no upload."""
     code = (
         "import planner.service.connections as c, planner.service.guards as g, sys; c.HEADER_S = g.Guard.body_s = 1.0;"
         "from planner.cli.app import main;"
-        f"sys.argv = ['edbb', 'serve', '--port', '0', '--data', {str(tmp_path / 'data')!r}]; main()"
+        f"sys.argv = ['edbb', 'serve', '--port', '0', '--data', {str(tmp_path_factory.mktemp('data'))!r}]; main()"
     )
     with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True) as server:
         while "http://" not in (line := server.stderr.readline()):
             assert line
+        threading.Thread(target=server.stderr.read, daemon=True).start()  # so that it never waits for a reader
         yield int(line.partition(",")[0].rpartition(":")[2])
         server.terminate()
+
+
+@pytest.fixture
+def impatient(impatient_server):
+    """Its port, once it serves again after what an earlier test did to it."""
+    assert b"200" in ask_until_served(impatient_server)
+    return impatient_server
 
 
 def ask(port, path="/api/health"):
