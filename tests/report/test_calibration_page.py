@@ -244,7 +244,7 @@ def test_histogram_counts_every_reading(c: Calibration) -> None:
 
 
 def test_long_runs_are_thinned_the_same_way_every_time() -> None:
-    told = CalibrationFacts(calibrated("edbb_continuous", 2500))
+    told = CalibrationFacts(calibrated("edbb_continuous", 2500, 0.0, False))
     for picture in draw_calibration_charts(told).every:
         for panel in picture.panels:
             assert all(len(s.x) <= PANEL_POINTS for s in panel.series if s.mark == "points" and s.name == "a reading")
@@ -277,6 +277,6 @@ def test_folder_must_exist(c: Calibration, tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_sections_of_a_drive_are_called_so() -> None:
-    page = calibration_content(CalibrationFacts(calibrated("edbb_continuous", 2500)))
+    page = calibration_content(CalibrationFacts(calibrated("edbb_continuous", 2500, 0.0, False)))
     assert "on sections that no fit saw" in page["proof"][0]
     assert any("40 sections in 5 parts" in said for said in page["proof"])

@@ -17,7 +17,7 @@ def quiet(stage, done, of):
 
 def shrink(patch):
     """Let a study look at fewer candidates, numbers of poses and places."""
-    patch.setattr(basis, "CANDIDATES", 400)
+    patch.setattr(basis, "CANDIDATES", 600)
     patch.setattr(curves, "GROWTH", (1.2, 1.6, 2.4))
     patch.setattr(curves, "ANNEALING_STEPS", 10)
     patch.setattr(fixture_map, "CANDIDATES", 300)
