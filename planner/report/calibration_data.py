@@ -10,6 +10,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array, to_deg, to_mm
 from planner.documents.calibration import Calibration
 from planner.documents.calibration_summary import summarize
+from planner.effects.compliance import LEAST_LOAD
 from planner.effects.context import Context
 from planner.kinematics.geometry import bar_state
 from planner.model.calibration_summary import CalibrationSummary
@@ -99,7 +100,8 @@ class CalibrationFacts:
         setup = self.calibration.setup
         if setup.weighs or samples.force is not None or samples.payload is not None:
             load = Context(setup, samples).load_torque
-            out += [PlotVariable("loads", f"load on joint {j + 1} (Nm)", t) for j, t in enumerate(load.T)]
+            borne = [(j, t) for j, t in enumerate(load.T) if np.abs(t).max(initial=0.0) > LEAST_LOAD]
+            out += [PlotVariable("loads", f"load on joint {j + 1} (Nm)", t) for j, t in borne]
         if samples.torque is not None:
             out += [PlotVariable("loads", f"measured torque {j + 1} (Nm)", t) for j, t in enumerate(samples.torque.T)]
         return out
