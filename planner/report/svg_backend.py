@@ -186,11 +186,7 @@ def _bars(s: Series, x: _Axis, y: _Axis) -> str:
 def _bar_texts(s: Series, x: _Axis, y: _Axis) -> str:
     places = ((min(x.percent(float(a)), 100.0), y.percent(float(b))) for a, b in zip(s.x, s.y, strict=True))
     each = zip(places, s.texts, strict=False)
-    # 50: [%] of the width, from which a phone has room on the left of a text alone
-    return "".join(
-        f'<span class="beside{" far" if a > 50 else ""}" style="left:{a}%;top:{b}%">{escape(t)}</span>'
-        for (a, b), t in each
-    )
+    return "".join(f'<span class="beside" style="left:{a}%;top:{b}%">{escape(t)}</span>' for (a, b), t in each)
 
 
 def _reference_line(line: ReferenceLine, x: _Axis, y: _Axis) -> str:
