@@ -26,7 +26,7 @@ from planner.design.assumptions import (
     UNTRACED_TARGET_SHARE,
 )
 from planner.design.candidates.pool import PoseSet
-from planner.design.expected_errors import ErrorForecast, ExpectedErrors, error_limit, remaining_error, share_below
+from planner.design.expected_errors import ErrorForecast, ExpectedErrors, error_limit, expected_error, share_below
 from planner.design.free_parameters import undeclared_errors
 from planner.design.goal_of_poses import settle_until
 from planner.design.selection.search import add_greedily, exchange_singly
@@ -326,7 +326,7 @@ def foresee_error(cell: Cell, samples: Samples, poses: int) -> tuple[float, floa
 def _remaining_error(white: Array, unknown: ExpectedErrors) -> float:
     """Return the expected error [m] after all readings of ``white`` (n, P)."""
     covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))
-    return remaining_error(unknown, float((unknown.weight_per_prior * covariance).sum()))
+    return expected_error(unknown, float((unknown.weight_per_prior * covariance).sum()))
 
 
 def _start_factors(unknown: ExpectedErrors) -> Array:
@@ -376,5 +376,5 @@ def errors_after(white: Array, unknown: ExpectedErrors) -> Array:
     out = np.empty(len(white))
     for k in range(len(white)):
         known.change(k)
-        out[k] = remaining_error(unknown, known.square)
+        out[k] = expected_error(unknown, known.square)
     return out

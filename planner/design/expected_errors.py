@@ -118,7 +118,7 @@ class ErrorForecast:
         """Return the forecast for the poses ``samples`` of any gauge."""
         white = unknown.white(samples)
         squares = _weights_of_squares(unknown.weight_per_prior, white)
-        return cls(unknown, remaining_error(unknown, float(squares.sum())), error_limit(unknown, white))
+        return cls(unknown, expected_error(unknown, float(squares.sum())), error_limit(unknown, white))
 
     @property
     def before(self) -> float:
@@ -126,7 +126,7 @@ class ErrorForecast:
         return self.unknown.state(float(np.trace(self.unknown.weight_per_prior)))
 
 
-def remaining_error(errors: ExpectedErrors, square: float) -> float:
+def expected_error(errors: ExpectedErrors, square: float) -> float:
     """Return the error of the tool that is expected [m], where known sizes would leave the mean square ``square``."""
     return errors.state(square * float(np.exp(2.0 * errors.doubt**2)))
 
