@@ -47,7 +47,7 @@ class _DeclaredReader:
 
     def _names_in(self, text: str) -> Iterator[str]:
         """Yield the positions and frames that a text names; a row by its bare name where the index is no number."""
-        for found in re.finditer(rf"(?<![\w#$.])#?[A-Za-z]{self.language.name_letter}*(\[[^\]]*\])?", text):
+        for found in re.finditer(rf"(?<![\w#$.])#?[A-Za-z]{self.language.name_letter}*(\[[^\[\]]*\])?", text):
             name = found[0].lower() if self.language.any_case else found[0]
             row = name.partition("[")[0]
             if name in self.names:

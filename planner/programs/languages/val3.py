@@ -13,11 +13,12 @@ import planner.programs.languages.declared as said
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 
-_REMARKS = re.compile(r"<!--(?:(?!-->).)*+-->|(?<!:)//[^\r\n]*", re.DOTALL)
+_REMARKS = re.compile(r"<!--(?:(?!-->).)*+(?:-->|(?P<unfinished>))|(?<!:)//[^\r\n]*", re.DOTALL)
 _TAG = re.compile(r"\s*(?P<tag><!\[CDATA\[|\]\]>|<[/?\w][^<>]*>)")
-_CODE_ENDS = re.compile(r"(?:\]\]>)?\s*</code>|$", re.IGNORECASE)
-_ATTRIBUTE = re.compile(r'([\w:]+)="([^"]*)"')
-_NAME = r"[A-Za-z]\w*(?:\[[^\]]*\])?"
+_CODE_ENDS = re.compile(r"\]\]>|</code>|$", re.IGNORECASE)
+_ATTRIBUTE = re.compile(r'(?<![\w:])([\w:]++)="([^"]*+)"')
+_NAME = r"[A-Za-z]\w*(?:\[[^\[\]]*\])?"
+_REST = re.compile(r"\s*+\S")
 _MOVE = re.compile(rf"(?:\w+\s*=\s*)?(?P<word>move[jlc])\s*\((?P<names>\s*{_NAME}\s*(?:,\s*{_NAME}\s*){{2,3}})\)")
 _MOTION = re.compile(r"(?:\w+\s*=\s*)?(?:move[jlc]|align\w*|movef)\s*\(.*")
 _SPEED = re.compile(rf"(?P<name>{_NAME})\.(?P<key>vel|blend|leave|reach)\s*=\s*(?P<value>\S+)")
@@ -116,13 +117,18 @@ def _instruction(place: tuple[int, int, str]) -> Iterator[st.Statement]:
         yield (st.Flow if _FLOW.fullmatch(text) else st.Statement)(*place)
 
 
+def _blank(remark: re.Match[str]) -> str:
+    """Return a remark as blanks, its line ends kept; one that does not end stays."""
+    return re.sub(r"[^\r\n]", " ", remark[0]) if remark["unfinished"] is None else remark[0]
+
+
 def parse(text: str) -> Iterator[st.Statement]:
     """Yield the statements of a program or of data; remarks are blank, and texts in quotes are empty."""
     data, pulse = _Data(), False
-    masked = _REMARKS.sub(lambda found: re.sub(r"[^\r\n]", " ", found[0]), text)
+    masked = _REMARKS.sub(_blank, text)
     for line, start, row in st.Lines.of(masked):
         at = 0
-        while row[at:].strip():
+        while _REST.match(row, at):
             if found := _TAG.match(row, at):
                 yield from data.statement((line, start + found.start("tag"), found["tag"]))
                 at = found.end()
