@@ -7,7 +7,7 @@ from pydantic import Field
 
 from planner.cell.file import CellFile
 from planner.common.errors import MOST_SIGNS, InputError, make_printable
-from planner.common.schema import StrictModel, read_json, read_toml_content, validate
+from planner.common.schema import StrictModel, read_json, read_toml_again, read_toml_content, validate
 from planner.runs.column_map import ColumnMap
 from planner.workflow.run_checks import cell_of_run
 
@@ -31,6 +31,21 @@ class Small(StrictModel):
     parts: tuple[Part, ...] = Field(min_length=1)
     grid: tuple[tuple[int, ...], ...] = ()
     on: bool = False
+
+
+def test_a_file_that_was_changed_is_read_again(tmp_path):
+    path = tmp_path / "small.toml"
+    for text in ("on = true", "on = false", "on = true"):
+        path.write_text(f"{text}\n[[parts]]\nrivals = []\n")
+        assert read_toml_again(path, Small).on == (text == "on = true")
+        assert read_toml_again(path, Small) is read_toml_again(path, Small)
+    path.write_text("[[parts]]\n")
+    for _ in range(2):
+        with pytest.raises(InputError, match=r"small\.toml: .*'rivals' is missing"):
+            read_toml_again(path, Small)
+    path.unlink()
+    with pytest.raises(InputError, match=r"small\.toml"):
+        read_toml_again(path, Small)
 
 
 CASES = {

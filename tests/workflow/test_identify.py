@@ -342,13 +342,12 @@ def test_simulating_a_broken_plan_leaves_nothing(tmp_path):
     assert not (tmp_path / "run.csv").exists()
 
 
-@few_draws()
 def test_what_was_simulated_is_identified_in_the_cell_of_its_plan(tmp_path):
     plan = wide_plan(tmp_path, "kuka-kr6-r700", 30, 4, 0)
     simulated = simulate(plan, seed=1)
-    found = identify(simulated, plan=plan, no_trace=True, geometry=True)
+    found = identify(simulated, plan=plan, no_trace=True, release=False)
     assert repr(found.cell) == f"Cell('{tmp_path / 'cell.toml'}', robot='kuka-kr6-r700', gauge='edbb')"
-    same = identify(simulated.run, cell=tmp_path / "cell.toml", plan=plan, no_trace=True, geometry=True)
+    same = identify(simulated.run, cell=tmp_path / "cell.toml", plan=plan, no_trace=True, release=False)
     assert found.to_json() == same.to_json()
     with pytest.raises(InputError, match="which cell was measured in"):
         identify(simulated)

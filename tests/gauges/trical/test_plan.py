@@ -124,10 +124,10 @@ def test_the_krl_program_centres_at_each_pose_and_a_wrong_call_is_caught(planned
         verify(program, "krl", [ProgramFile(files[0].name, wrong), *files[1:]])
 
 
-def test_a_dialect_without_a_centring_call_is_refused(planned):
-    for name in ("sinumerik", "din66025"):
-        with pytest.raises(InputError, match="no call of a centring routine"):
-            written(planned, name)
+@pytest.mark.parametrize("name", ["sinumerik", pytest.param("din66025", marks=pytest.mark.long)])
+def test_a_dialect_without_a_centring_call_is_refused(planned, name):
+    with pytest.raises(InputError, match="no call of a centring routine"):
+        written(planned, name)
 
 
 def test_it_is_written_whole(planned, tmp_path):
