@@ -66,11 +66,13 @@ def test_the_bound_is_the_relaxation_to_a_tenth_of_a_percent(kind, paper_pool):
     assert certificate.weights.max() < 1.001
 
 
+@pytest.mark.long
 def test_exactly_n_is_tighter_than_any_number(paper_pool):
     free = certify_bound(paper_pool, "O2").value
     assert free < certify_bound(paper_pool, "O2", 40).value < certify_bound(paper_pool, "O2", 120).value
 
 
+@pytest.mark.long
 def test_a_pool_of_the_paper_size_has_a_bound_near_thirty():
     """The rough trial on 4 460 such poses, with other joint limits, found 30.06; a general solver gave it."""
     rows = dh_arm.rows(NJ130, dh_arm.shell_poses(NJ130, 4_460))

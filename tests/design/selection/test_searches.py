@@ -66,11 +66,13 @@ def test_pruning_until_as_many_poses_as_parameters_has_every_number_on_its_way(k
         assert value == pytest.approx(index_value(kind, rows[left.choose(n)]), rel=1e-12)
 
 
+@pytest.mark.long
 def test_pruning_of_the_arm_is_the_naive_pruning(arm_pool):
     rows = arm_pool[1][:120]
     assert prune_poses(rows, 30).tolist() == naive_prune(rows, 30, "O2")
 
 
+@pytest.mark.long
 def test_thinning_first_costs_little(arm_pool):
     rows = arm_pool[1]
     slow, fast = (index_value("O2", rows[prune_poses(rows, 60, exact_from=k)]) for k in (1_500, 300))
@@ -168,6 +170,7 @@ def test_no_swap_betters_the_result_and_it_beats_pruning(arm_pool, kind):
         assert np.max(INDEX_RULES[kind].of(mu, 30)) < found.value * (1 + 1e-9)
 
 
+@pytest.mark.long
 def test_the_gap_on_the_arm(arm_pool):
     rows = arm_pool[1]
     assert exchange_poses(rows, 35, "O2", starts=1, steps=3_000).gap < 0.16
