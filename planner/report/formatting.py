@@ -6,6 +6,7 @@ from math import ceil, floor, isfinite, log10
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.numbers import number_of
 from planner.common.units import UM, to_mm
 from planner.design.discrimination.power import Discrimination
 from planner.design.foresight_text import describe_forecast
@@ -161,8 +162,8 @@ def nearest_pair_text(verdict: Verdict) -> str:
 
 def clearance_fact(verdicts: Sequence[Verdict], cell: Cell) -> tuple[str, str, str]:
     """Say how near any pair of bodies comes: (what, value, remark)."""
-    engines = ", ".join(dict.fromkeys(v.engine for v in verdicts))
+    engines = number_of(len({v.engine for v in verdicts}), "engine")
     bare = "" if cell.robot.bodies else f" without the arm: {cell.robot.name} has no bodies"
     least = min(v.clearance for v in verdicts)
     size = f"{float(to_mm(least)):.1f} mm" if np.isfinite(least) else "no pair of bodies"
-    return ("clearance", size, f"found by {engines}{bare}")
+    return ("clearance", size, f"proven by {engines}{bare}")
