@@ -373,7 +373,7 @@ def dialect_names() -> list[str]:
     return sorted(p.parent.name for p in dialect_root().glob("*/dialect.toml"))
 
 
-def load_dialect(name: str, known: Sequence[str] = ()) -> Dialect:
+def load_dialect(name: str, known: list[str] | None = None) -> Dialect:
     """Read dialect ``name``, or ``name+option`` for a variant that its file offers; ``known``: those on disk.
 
     Raises:
