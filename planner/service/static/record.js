@@ -1,5 +1,5 @@
 // Adds what a job has found to the record of a robot, and withdraws entries, robots and certificates with a reason.
-import { dayText, find, post, reach, root, say, send } from "./common.js";
+import { dayText, find, isKnown, post, root, say, send } from "./common.js";
 
 const FIELDS = { operator: "#operator", tool: "#tool", gauge: "#gauge", certificate: "#gauge-certificate" };
 
@@ -17,7 +17,7 @@ export function offerRecord(job) {
     const circumstances = { date: find("#date").value, ...(temperature && { temperature_degC: Number(temperature) }) };
     for (const [name, field] of Object.entries(FIELDS)) circumstances[name] = find(field).value;
     try {
-      if (!isNew && (await reach(path)).status === 404) { // a mistyped serial number makes no robot without a question
+      if (!isNew && !(await isKnown(serial))) { // a mistyped serial number makes no robot without a question
         add.textContent = `${serial} is a new robot: add it`;
         add.hidden = false;
         say(message, `There is no robot ${serial} yet.`);
