@@ -21,7 +21,7 @@ from planner.common.calls import find_function
 from planner.common.console import as_word
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.summary import SCREEN_LINES, fact_lines
-from planner.workflow.compensate_call import CompensateCall
+from planner.workflow.compensate_call import AXES, CompensateCall
 from planner.workflow.plan_use_calls import ImportCall, SimulateCall
 
 FILE = (OutputFile, None)
@@ -74,7 +74,7 @@ def _compensate(values: Values, output: str, manner: Manner) -> None:
 
 def _axes(text: str) -> tuple[int, ...]:
     """Return the numbers of axes that an option lists."""
-    if text and not re.fullmatch(r"\s*[0-9]{1,3}\s*(,\s*[0-9]{1,3}\s*)*", text):
+    if text and not re.fullmatch(AXES, text):
         raise InputError(f"--zeros-set '{text}': numbers of axes are allowed, such as 2,3,4")
     return tuple(sorted({int(word) for word in text.split(",") if text}))
 

@@ -228,6 +228,11 @@ class ServedField:
         return self.name.replace("_", " ").capitalize()
 
     @property
+    def is_list(self) -> bool:
+        """Whether it may be given several times; a list that is typed as one text is not."""
+        return self.field.default == () and self.option.typed is not str
+
+    @property
     def is_switch(self) -> bool:
         """Whether it is on or off."""
         return self.field.kind is bool
@@ -240,12 +245,12 @@ class ServedField:
     @property
     def is_number(self) -> bool:
         """Whether it is a number."""
-        return self.is_real or int in (self.field.kind, *get_args(self.field.kind))
+        return self.is_real or (int in (self.field.kind, *get_args(self.field.kind)) and self.option.typed is not str)
 
     @property
     def is_typed(self) -> bool:
         """Whether a person can type it: it names no file and no job, and is no list."""
-        return not (self.option.is_word or self.option.from_service or self.field.default == ())
+        return not (self.option.is_word or self.option.from_service or self.is_list)
 
 
 def served_fields(call: type[Call]) -> list[ServedField]:

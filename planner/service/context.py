@@ -6,7 +6,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, ParamSpec, cast
@@ -169,8 +169,7 @@ class ServiceContext:
         self.files.check_room()
         folder = JobFolder(self.jobs, self.files, self.uploads, self.cells)
         with self.jobs.at_one_moment():
-            command = request.command(folder)
-            self._check_standing(command)
+            command = self._check_standing(request.command(folder))
             title, text, robot = request.subject(folder), request.model_dump_json(), request.robot(folder)
         id, person = request.job_id(command), CALLER.get().name
         with self._submitting:  # nobody slips past the quota by asking often at the same moment
@@ -180,14 +179,16 @@ class ServiceContext:
         self.supervisor.wake()
         return job
 
-    def _check_standing(self, command: JobCommand) -> None:
-        """Refuse to correct a program by a calibration that holds no more, unless the command says so.
+    def _check_standing(self, command: JobCommand) -> JobCommand:
+        """Refuse to correct a program by a calibration that holds no more, unless the command says so; return the rest.
 
         Raises:
             ChangedRobotError: it holds no more.
         """
-        if command.words[0] != CompensateCall.verb or DESPITE in command.words:
-            return
+        if command.words[0] != CompensateCall.verb:
+            return command
+        if DESPITE in command.words:
+            return replace(command, words=tuple(w for w in command.words if w != DESPITE))
         made = {
             j.id for given in command.inputs for j in self.jobs.jobs_with("outputs", given.sha256, "identification")
         }
@@ -197,6 +198,7 @@ class ServiceContext:
                 f"{fault}. A program corrected by this calibration may be wrong; "
                 f"{DESPITE} (despite_change in a request) corrects it anyway"
             )
+        return command
 
     def check_quota(self, person: str, new_jobs: int = 1) -> None:
         """Refuse more of a person who has as much as one may.

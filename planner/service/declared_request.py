@@ -42,7 +42,7 @@ def _annotate(served: ServedField) -> tuple[Any, Any]:
     """Return type and default of a field of a request."""
     field, option = served.field, served.option
     kind = field.kind if option.typed is None else option.typed
-    required, empty = field.is_required, field.default == ()
+    required, empty = field.is_required, served.is_list
     if option.from_service is not None:
         kind = FileReference if option.from_service == SENT else JobId
     elif empty:
@@ -51,6 +51,6 @@ def _annotate(served: ServedField) -> tuple[Any, Any]:
     else:
         kind = Annotated[kind, Field(ge=option.min, le=served.maximum, pattern=option.pattern)]
     default: Any = ... if required else [] if empty else field.default
-    if default in (None, ""):  # not given: as a request says it
+    if default in (None, "", ()):  # not given: as a request says it
         kind, default = kind | None, None
     return kind, Field(default, description=option.help)

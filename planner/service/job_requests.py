@@ -333,15 +333,17 @@ class CompensationRequest(JobRequest):
         list[FileReference],
         Field(
             max_length=50,
-            description="the other files of the program, corrected along with it: .dat of a .src, modules",
+            description="the other files of the program, corrected along with it (.dat of a .src, modules), and those"
+            " that an uploaded cell names",
         ),
     ] = []
+    cell: CellReference | None = None
 
     def arguments(self, folder: JobFolder) -> list[str]:
-        """Lay the other files of the program beside it, and return its name."""
+        """Lay the other files of the program, and the cell, beside it; return their words."""
         for file in self.files:
             folder.file(file)
-        return [folder.file(self.program)]
+        return [folder.file(self.program), *options(cell=self.cell and folder.cell(self.cell, []))]
 
     def output_words(self) -> tuple[str, ...]:
         """Return the words for the folder of the corrected files."""

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from planner.workflow.identification import CalibrationResult
 
 NUMBERS = "-?[0-9.eE+-]{1,30}(,-?[0-9.eE+-]{1,30}){5}"
+AXES = "^ *[0-9]{1,3} *(, *[0-9]{1,3} *){0,30}$"
 FRAME = "X,Y,Z,A,B,C"  # mm, and degrees about Z, Y', X"
 
 
@@ -55,7 +56,7 @@ class CompensateCall(Call):
     strict: Annotated[bool, Option("write nothing unless every target of the file can be corrected")] = False
     cell: Annotated[
         str | None,
-        Option("the cell, to make sure that its controller does not correct too", metavar="CELL", is_served=False),
+        Option("the cell, to make sure that its controller does not correct too", metavar="CELL"),
     ] = None
     again: Annotated[bool, Option("add to the correction by another model, whose mark the file bears")] = False
     measuring: Annotated[bool, Option("correct a measuring program too, whose path is proven uncorrected only")] = False
@@ -89,6 +90,6 @@ class CompensateCall(Call):
             "axes whose zeros were set in the controller by this identification",
             metavar="2,3,…",
             typed=str,
-            is_served=False,
+            pattern=AXES,
         ),
     ] = ()

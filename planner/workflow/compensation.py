@@ -187,7 +187,7 @@ def compensate(asked: CompensateCall) -> CompensationResult:
     Example:
         >>> compensate("program.src", model="calibrated").write("corrected.src")  # doctest: +SKIP
     """
-    found = _find_model(asked.model, asked.force)
+    found = _find_model(asked.model, asked.force, asked.despite_change)
     robot, known, mark = found.robot, found.known, found.mark
     if asked.date is not None:
         mark = replace(mark, day=_day(asked.date))
@@ -215,7 +215,7 @@ def compensate(asked: CompensateCall) -> CompensationResult:
     )
     named = None if given.T_FT is None else given.T_FT[:3, 3]
     warnings = tuple(tool_warnings(robot, named, [t for f in files for t in (*f.targets, *f.left)]))
-    expected = _expect(files, known, given.T_FT)
+    expected = _expect(files, known, named)
     return CompensationResult(
         files[0], expected, calibrated.sentence, bool(mark.simulated), warnings, files[1:], mark.hand_edits
     )
@@ -248,11 +248,14 @@ class _Model:
     mark: CorrectionMark
 
 
-def _find_model(model: "CalibrationResult | Path | str", force: bool) -> _Model:
+def _find_model(model: "CalibrationResult | Path | str", force: bool, despite_change: bool) -> _Model:
     """Read the calibrated robot from its file, from the folder that holds it, or from an identification in memory.
 
-    ``force``: one of which its identification says not to use it, and one of unknown error, too.
+    ``force``: one of which its identification says not to use it, and one of unknown error, too. Only a server knows
+    ``despite_change``, and takes the word away.
     """
+    if despite_change:
+        raise InputError("--despite-change: only a server (edbb --server URL) knows of failed checks; leave it out")
     if isinstance(model, Path | str):
         return _read_model(_model_file(Path(model).absolute(), str(model)), force)
     with TemporaryDirectory() as folder:
@@ -342,7 +345,7 @@ def _build_day() -> Day | None:
         raise InputError(f"SOURCE_DATE_EPOCH = '{said}': a number of seconds since 1970 is allowed") from err
 
 
-def _expect(files: Sequence[CompensatedFile], known: ExpectedError | str, T_FT: Array | None) -> ProgramError | str:
+def _expect(files: Sequence[CompensatedFile], known: ExpectedError | str, p_FM: Array | None) -> ProgramError | str:
     """Return the expected errors at the corrected targets of all files.
 
     Raises:
@@ -350,7 +353,6 @@ def _expect(files: Sequence[CompensatedFile], known: ExpectedError | str, T_FT: 
     """
     if isinstance(known, str):
         return known
-    p_FM = None if T_FT is None else T_FT[:3, 3]
     targets, left = [t for f in files for t in f.targets], [t for f in files for t in f.left]
     found = program_error(known, targets, np.concatenate([f.q for f in files]), p_FM)
     if found.is_worse:

@@ -119,6 +119,13 @@ def test_zeros_that_cannot_have_been_set_are_refused(words, said, tmp_path):
     assert (done.returncode, said in " ".join(done.stderr.split())) == (2, True), done.stderr
 
 
+def test_only_a_server_knows_that_a_robot_has_changed(tmp_path):
+    model = calibrated(tmp_path / "robot.toml", "kuka-kr6-r700")
+    np.savetxt(tmp_path / "t.csv", np.degrees(Q), "%.6f", ",", header=JOINTS, comments="")
+    done = edbb("compensate", tmp_path / "t.csv", "--model", model, "--despite-change", "-o", "-")
+    assert (done.returncode, "only a server" in " ".join(done.stderr.split())) == (2, True), done.stderr
+
+
 def test_the_error_before_is_that_of_the_robot_with_its_zeros_set(tmp_path):
     """Where the zeros are all that is off, the robot is as good before as after once they are set."""
     model = calibrated(tmp_path / "robot.toml", "kuka-kr6-r700")

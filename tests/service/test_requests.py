@@ -70,6 +70,9 @@ CASES = [
      "compensate p.src -o out/ --model calibrated/robot.toml --strict", ["p.src", *CALIBRATED]),
     ("compensation", {"program": "p.src", "files": ["p.dat"], "model": KNOWN},
      "compensate p.src -o out/ --model calibrated/robot.toml", ["p.dat", "p.src", *CALIBRATED]),
+    ("compensation", {"program": "p.src", "model": KNOWN, "cell": "ur10/edbb", "zeros_set": "2, 3"},
+     "compensate p.src --cell ur10/edbb -o out/ --model calibrated/robot.toml --zeros-set 2, 3",
+     ["p.src", *CALIBRATED]),
 ]  # fmt: skip
 
 
@@ -95,6 +98,12 @@ def test_a_request_becomes_a_command(context, kind, fields, words, names):
     command = request.command(JobFolder(context.jobs, context.files, context.uploads))
     assert " ".join(command.words) == words
     assert [i.name for i in command.inputs] == names
+
+
+def test_that_a_robot_has_changed_is_a_matter_of_the_service_alone(context):
+    fields = {"program": uploaded(context, "p.src"), "model": KNOWN, "despite_change": True}
+    command = context.submit(REQUESTS["compensation"].model_validate(fields)).command
+    assert " ".join(command.words) == "compensate p.src -o out/ --model calibrated/robot.toml"
 
 
 def test_two_files_of_one_name_are_refused(context):

@@ -1,19 +1,8 @@
-import { find, finished, get, givenOptions, make, post, root, say, showFacts, upload } from "./common.js";
+import { find, finished, get, givenOptions, make, ownCell, post, root, say, showFacts, tracked, upload } from "./common.js";
 import { lineChart } from "./linechart.js";
 
 const message = find("#run-message"), sent = find("#sent"), drop = find("#drop");
 let runs = [], simulation = null, good = false, asked = 0, unknown = "", before = [], own = null, validation = null;
-
-const tracked = (robot) => new File([`schema = "edbb-cell/1"\nrobot = "${robot}"\n[gauge]\nkind = "tracker"\n`], "cell.toml");
-
-/** What a person has brought: a cell with its files, or a robot alone, which a tracker sees. */
-async function ownCell(files) {
-  const texts = await Promise.all(files.map(async (f) => (f.name.endsWith(".toml") ? f.slice(0, 100000).text() : "")));
-  const cell = files.find((_, k) => texts[k].includes("edbb-cell/1"));
-  if (!cell && files.length > 1) throw new Error('none of the files has schema = "edbb-cell/1": name the cell, or one robot alone');
-  const others = await Promise.all(files.filter((f) => f !== cell).map((f) => upload("files", f)));
-  return { cell: (await upload("cells", cell ?? tracked(others[0].name))).id, files: others };
-}
 
 /** Take the folder of a plan: plan, cell, and the files that cell and robot name. It is one of the plans here from now on. */
 async function takePlan(files) {

@@ -154,3 +154,15 @@ export function givenOptions(form) {
   }
   return given;
 }
+
+/** The cell of a robot that a tracker sees. */
+export const tracked = (robot) => new File([`schema = "edbb-cell/1"\nrobot = "${robot}"\n[gauge]\nkind = "tracker"\n`], "cell.toml");
+
+/** What a person has brought: a cell with its files, or a robot alone, which a tracker sees. */
+export async function ownCell(files) {
+  const texts = await Promise.all(files.map(async (f) => (f.name.endsWith(".toml") ? f.slice(0, 100000).text() : "")));
+  const cell = files.find((_, k) => texts[k].includes("edbb-cell/1"));
+  if (!cell && files.length > 1) throw new Error('none of the files has schema = "edbb-cell/1": name the cell, or one robot alone');
+  const others = await Promise.all(files.filter((f) => f !== cell).map((f) => upload("files", f)));
+  return { cell: (await upload("cells", cell ?? tracked(others[0].name))).id, files: others };
+}
