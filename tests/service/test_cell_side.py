@@ -278,3 +278,25 @@ def test_the_checklist_says_how_the_gauge_is_read_and_how_it_is_mounted(tmp_path
         text = html.unescape(client.get(begin_session(client, JOB)).text)
     for words in (*told, "at [430, 330, 60] mm of the base frame", "Set its display to the length"):
         assert words in text
+
+
+@needs_browser
+@pytest.mark.long
+def test_a_validation_run_that_is_still_sent_is_not_left_out(service, browser):
+    ur5, cells = PLAN.parent / "ur5-tracker", Path(__file__).parents[1] / "identification" / "cells"
+    service.begin()
+    desk, held = open_page(browser, service, None, phone=False), []
+    desk.route("**/api/runs?name=validation.csv", lambda route: held.append(route))
+    desk.route("**/api/identifications", lambda route: route.abort())
+    desk.goto("/calibrate")
+    desk.set_input_files("#run", ur5 / "run.csv")
+    expect(desk.locator("#run-message")).to_contain_text("choose the plan")
+    desk.set_input_files("#own-files", [cells / "ur5-tracker.toml", cells / "ur5.toml"])
+    desk.wait_for_selector("#run-chart svg")
+    desk.set_input_files("#validation", ur5 / "validation.csv")
+    with desk.expect_request("**/api/identifications") as asked:
+        desk.click("#identify")
+        while not held:
+            desk.wait_for_timeout(50)
+        held[0].continue_()
+    assert asked.value.post_data_json["validate_with"]["name"] == "validation.csv"

@@ -2,7 +2,7 @@ import { find, finished, get, givenOptions, make, ownCell, post, root, say, show
 import { lineChart } from "./linechart.js";
 
 const message = find("#run-message"), sent = find("#sent"), drop = find("#drop");
-let runs = [], simulation = null, good = false, asked = 0, unknown = "", before = [], own = null, validation = null;
+let runs = [], simulation = null, good = false, asked = 0, unknown = "", before = [], own = null, validation = null, sending = null;
 
 /** Take the folder of a plan: plan, cell, and the files that cell and robot name. It is one of the plans here from now on. */
 async function takePlan(files) {
@@ -157,7 +157,8 @@ find("#made-elsewhere").addEventListener("change", (e) => attempt(async () => {
   await check();
 }, find("#plan-message")));
 find("#validation").addEventListener("change", (e) => attempt(async () => {
-  validation = e.target.files.length ? await upload("runs", e.target.files[0]) : null;
+  sending = e.target.files.length ? upload("runs", e.target.files[0]) : null;
+  validation = await sending;
   keep();
 }));
 
@@ -192,7 +193,8 @@ find("#run-form").addEventListener("submit", (event) => {
   attempt(async () => {
     if (isCheck()) { await judge(); return; }
     const measured = before.length && find("#before").checked ? await withRunsBefore() : { runs, simulation, ...place() };
-    const options = { ...givenOptions(find("#identify-choice")), ...(validation && { validate_with: validation }) };
+    const apart = await (sending ?? validation); // what still goes, or failed, is not left out
+    const options = { ...givenOptions(find("#identify-choice")), ...(apart && { validate_with: apart }) };
     const job = await post("/api/identifications", { ...measured, ...options, no_trace: !find("#trace").checked });
     location.href = `${root}/jobs/${job.id}`;
   });
