@@ -5,6 +5,7 @@ import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.command import edbb
@@ -84,3 +85,38 @@ def walked(wine, folders):
         done = edbb(*words, cwd=here)
         assert done.returncode == 0, done.screen
     return there, here
+
+
+@pytest.fixture(scope="session")
+def judged(tmp_path_factory):
+    """A folder of what other commands judge, their paths planned on Linux, and what they wrote of an earlier run."""
+    from tests.accuracy.worlds import poses, tracker_run
+    from tests.circular.conftest import ARC, cell_file
+    from tests.loaded import world
+
+    folder, arm = tmp_path_factory.mktemp("judged"), world.arm()
+    cell_file(folder, ARC + "speed_mm_s = 150\n")
+    way = world.course(arm, repeats=1)
+    for k in (1, 2):
+        readings = world.readings(arm, world.World(), way, np.random.default_rng(k))[0]
+        (folder / f"loaded{k}.csv").write_text(world.run_text(way, readings))
+        (folder / f"v{k}.csv").write_text(tracker_run(poses(seed=k)))
+    second = (PLAN / "cell.toml", "--plan", PLAN / "plan.json", "--geometry")
+    for words in (
+        ("plan", "circular.toml", "--dialect", "krl", "-o", "ring"),
+        *(("simulate", "ring/plan.json", "--seed", str(k), "-o", f"ring{k}.csv") for k in (1, 2)),
+        ("circular", "ring1.csv", "--plan", "ring/plan.json", "-o", "circular"),
+        ("loaded", "loaded1.csv", "--cell", "abb-irb6700/ldbb", "-o", "loaded"),
+        ("accuracy", "v1.csv", "--cell", "kuka-kr6-r700/tracker", "-o", "accuracy"),
+        ("simulate", PLAN / "plan.json", "--seed", "2", "-o", "second.csv"),
+        ("identify", "second.csv", "--cell", *second, "-o", "second"),
+        ("plan", "kuka-kr6-r700/trical", "--poses", "32", "-o", "trical"),
+        ("centre", "trical/plan.json", "--program-to", "centring"),
+        ("centre", "trical/plan.json", "--simulate", "-o", "balls.csv"),
+    ):
+        done = edbb(*words, cwd=folder)
+        assert done.returncode == 0, done.stderr
+    (folder / "fleet.toml").write_text("# of yesterday\n")
+    journal = folder / "balls.csv.journal"
+    journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:-1]))  # one ball is left
+    return folder

@@ -31,34 +31,54 @@ sys.exit(main())
 """
 """The program on a disk that moves no folder in which a file is open, as NTFS; Wine's moves it."""
 LOG_MAP = ("--map", "map.toml")
+EXPORT = ("export", "mine/plan.json", "--dialect", "krl", "-o", "p.src", "--force")
+CHECK = ("check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated")
+WITHDRAWAL = ("record", "RECORD", "--withdraw", "1", "--reason", "a trial", "-o", "history")
 SINGLE = {
-    "simulate": ("run.csv", "simulate", "mine/plan.json", "--seed", "5", "-o", "run.csv"),
-    "export": ("p.src", "export", "mine/plan.json", "--dialect", "krl", "-o", "p.src"),
+    "simulate": ("run.csv", "simulate", "mine/plan.json", "--seed", "5", "-o", "run.csv", "--force"),
+    "export": ("p.src", *EXPORT),
+    "export, its data": ("p.dat", *EXPORT),
     "compensate": (
         "work_corrected.src", "compensate", "work.src", "--model", "calibrated/robot.toml", "-o", "work_corrected.src",
+        "--force",
     ),
-    "import": ("imported.csv", "import", "axes.log", "gauge.log", *LOG_MAP, "-o", "imported.csv"),
+    "import": ("imported.csv", "import", "axes.log", "gauge.log", *LOG_MAP, "-o", "imported.csv", "--force"),
     "identify": (
         "calibrated/robot.toml", "identify", "run.csv", "--cell", "mine/cell.toml", "--plan", "mine/plan.json",
         "--geometry", "-o", "calibrated",
     ),
-    "check": (
-        "checked/check.json", "check", "run.csv", "--plan", "mine/plan.json", "--model", "calibrated",
-        "--limit-mm", "0.5", "-o", "checked",
+    "check": ("checked/check.json", *CHECK, "--limit-mm", "0.5", "-o", "checked"),
+    "record": ("history/report.html", *WITHDRAWAL),
+    "record, its manifest": ("history/manifest.json", *WITHDRAWAL),
+    "circular": ("circular/report.html", "circular", "ring2.csv", "--plan", "ring/plan.json", "-o", "circular"),
+    "loaded": ("loaded/loaded.json", "loaded", "loaded2.csv", "--cell", "abb-irb6700/ldbb", "-o", "loaded"),
+    "accuracy": ("accuracy/errors.csv", "accuracy", "v2.csv", "--cell", "kuka-kr6-r700/tracker", "-o", "accuracy"),
+    "fleet": ("fleet.toml", "fleet", "calibrated", "second", "-o", "fleet.toml", "--force"),
+    "centre": ("balls.csv", "centre", "trical/plan.json", "--simulate", "-o", "balls.csv"),
+    "centre, its program": (
+        "centring/EDBB_CENTRE.dat", "centre", "trical/plan.json", "--program-to", "centring", "--force",
     ),
-    "record": ("history/report.html", "record", "RECORD", "--withdraw", "1", "--reason", "a trial", "-o", "history"),
 }  # fmt: skip
 """A file that is held, and a command that would write something else there."""
 DEVICES = ("aux.csv", "NUL", "con.csv", "com1.csv", "LPT9.csv", "ende.", "ende ", "sub/prn.csv", "a:b.csv")
+LOST = {
+    "aux.csv": ("simulate", "mine/plan.json", "-o"),
+    "NUL.src": ("export", "mine/plan.json", "--dialect", "krl", "-o"),
+    "Con": (*CHECK, "-o"),
+    "prn.toml": ("fleet", "calibrated", "second", "-o"),
+}
+"""Names that Windows takes for a device, and commands whose result would be lost there."""
 
 
 @pytest.fixture
-def folder(wine, walked):
-    """A copy of the folder in which all was done."""
+def folder(wine, walked, judged):
+    """A copy of the folder in which all was done, some files of it as of yesterday."""
     copy = wine.home / "copy"
     shutil.rmtree(copy, ignore_errors=True)
-    shutil.copytree(walked[0], copy)
-    (copy / "p.src").write_text("; edbb: of yesterday\n" + (copy / "p.src").read_text())
+    for made in (walked[0], judged):
+        shutil.copytree(made, copy, dirs_exist_ok=True)
+    for name in ("p.src", "p.dat", "centring/EDBB_CENTRE.dat"):
+        (copy / name).write_text("; edbb: of yesterday\n" + (copy / name).read_text())
     return copy
 
 
@@ -76,20 +96,19 @@ def test_a_file_that_is_held_is_named_and_all_stays_as_it_was(wine, folder, verb
     holder = wine.start(wine.python, "-c", HOLD, folder / held, stdin=subprocess.PIPE)
     try:
         assert b"open" in holder.stdout.readline()
-        force = () if verb in ("check", "record", "identify") else ("--force",)
-        code, said = wine.run(wine.python, "-c", NTFS, folder / held, *words, *force, cwd=folder, timeout=600)
+        code, said = wine.run(wine.python, "-c", NTFS, folder / held, *words, cwd=folder, timeout=600)
         assert code == 2, said
         assert held.rpartition("/")[2] in said.replace("\n", "")
         assert "Traceback" not in said
-        if verb == "record":  # the entry is withdrawn; what shows it is named
+        if words[0] == "record":  # the entry is withdrawn; what shows it is named
             before |= {name: made for name, made in contents(folder).items() if name.startswith("RECORD")}
             words = ("record", "RECORD", "-o", "history")
             assert " ".join(words) in " ".join(said.split())
         assert contents(folder) == before
     finally:
         holder.communicate(b"\n", timeout=60)
-    wine.edbb(*words, *force, cwd=folder, timeout=600)
-    assert force or contents(folder) != before
+    wine.edbb(*words, cwd=folder, timeout=600)
+    assert verb == "import" or contents(folder) != before  # what is imported is the same again
 
 
 def test_a_file_that_is_held_and_would_be_the_same_is_no_obstacle(wine, folder):
@@ -109,6 +128,13 @@ def test_names_of_devices_and_names_that_windows_changes_are_refused(wine, folde
     for name in DEVICES:
         said = wine.edbb("import", "axes.log", "gauge.log", *LOG_MAP, "-o", name, cwd=folder, code=2)
         assert name.strip(" /").rpartition("/")[2] in said
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize("name", LOST)
+def test_no_result_is_written_to_a_device(wine, folder, name):
+    before = contents(folder)
+    assert name in wine.edbb(*LOST[name], name, cwd=folder, code=2)
     assert contents(folder) == before
 
 
