@@ -23,7 +23,7 @@ BEYOND = 3.0  # times the expected size from which on a parameter is told to be 
 
 
 def fit_overview(found: Calibration) -> Summary:
-    """Return the overview of an identification: a title and seven lines at most, all else with ``--verbose``."""
+    """Return the overview of an identification: a title and five lines at most, all else with ``--verbose``."""
     failed = bool(found.reason_not_to_use)
     release = None if failed else found.release
     said = "NOT calibrated" if failed else "calibrated"
@@ -41,10 +41,11 @@ def fit_overview(found: Calibration) -> Summary:
         *_cure_facts(found, release),
     ]
     more += [*([] if failed else _parameter_facts(found)), *_structure_facts(found)]
-    facts = [*_summary_facts(summary), *steps, *causes]
+    facts = [*_summary_facts(summary), *steps[:1], *causes, *steps[1:]]
     beyond = next((fact for fact in causes if not fact[1].startswith(GEOMETRY)), None)
     # where lines are cut, the first cause beside the geometry stays: why the robot erred is asked for most
-    return Summary(title, facts, [*more, *_details(found, release)], notes, beyond)
+    # 2: lines fewer than other screens, so that with files and next step eight are read
+    return Summary(title, facts, [*more, *_details(found, release)], notes, beyond, fewer=2)
 
 
 def _summary_facts(summary: CalibrationSummary) -> Iterator[Fact]:
