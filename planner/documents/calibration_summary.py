@@ -69,14 +69,14 @@ def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[UseAnswer
     others = [t for t in use.tools if t.tool != tool]
     beside = "; ".join(f"{bound_text(t.targets_within)} with {TOOLS[t.tool]}" for t in others)
     if use.tolerance is None or mine.answer is None:
-        why = "No tolerance is stated: --tolerance-mm or [use] tolerance_mm gives yes or no."
+        why = "State a tolerance (--tolerance-mm, or tolerance_mm of [use]) for a yes or no."
         headline = f"Good for offline programs that allow {bound_text(mine.targets_within)}"
-        return "not known", headline, f"{why} It is {beside}."
+        return "not known", headline, f"{why} Programs have to allow {beside}."
     limit = f"{float(to_mm(use.tolerance)):g} mm"
     words = {"yes": "Good enough", "no": "Not good enough", "not known": "Not known whether it is good enough"}
     before = share_text(mine.share_before)
     share = f"{share_text(mine.share)} of targets are within {limit} with {TOOLS[tool]}, {before} before"
-    return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}. It is {beside}."
+    return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}. 95 of 100 are within {beside}."
 
 
 def _causes(c: Calibration) -> Iterator[CauseLine]:
@@ -106,9 +106,9 @@ def _size(cause: Finding) -> str:
 
 
 def _how_sure(cause: Finding) -> str:
-    sure = cause.grade if cause.probability is None else f"{cause.grade}, {percent(cause.probability)}"
+    sure = cause.grade if cause.probability is None else f"{cause.grade}, {percent(cause.probability)} sure"
     others = len(cause.rivals)
-    return sure + (f", or {others} other{'s' if others > 1 else ''}" if others else "")
+    return sure + (f", else one of {others} others" if others > 1 else ", else one other" if others else "")
 
 
 def _next_steps(c: Calibration, r: Release | None, tool: ToolName, pace: float | None) -> list[NextStep]:

@@ -118,7 +118,7 @@ def causes_about(c: Calibration) -> str:
     if c.tried is None:
         return "not looked for"
     sure = sum(not f.is_doubtful for f in c.findings)
-    return f"{sure} found or likely, {len(c.findings) - sure} doubtful, with rivals and pictures"
+    return f"besides the geometry {sure} found or likely, {len(c.findings) - sure} doubtful"
 
 
 def released_text(c: Calibration) -> str:

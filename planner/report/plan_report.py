@@ -50,7 +50,7 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
     content = {
         "plan": plan,
         "title": f"{'Session plan' if forecast is None else forecast.title} for {plan.cell.robot.title}",
-        "about": f"cell {plan.cell.name} · {plan.cell.gauge.describe(plan.cell)}",
+        "about": f"{_cell_name(plan)}{plan.cell.gauge.describe(plan.cell)}",
         "headline": _headline(plan),
         "expects": _expectation(plan, forecast),
         "changes": _changes(plan),
@@ -95,6 +95,11 @@ def _expectation(plan: Plan, forecast: Forecast | None) -> str:
     return f"95 of 100 robots of this kind end below {_mm(e.at_most)} mm (rms over the workspace).{goal} {poses} {path}"
 
 
+def _cell_name(plan: Plan) -> str:
+    """Return what the cell is called, if it is called anything but that."""
+    return "" if plan.cell.name == "cell" else f"cell {plan.cell.name} · "
+
+
 def _changes(plan: Plan) -> list[tuple[str, str]]:
     """Return what would make it better or quicker, and what is not seen from here."""
     rows, seen = list[tuple[str, str]](), plan.choice.seen
@@ -106,7 +111,9 @@ def _changes(plan: Plan) -> list[tuple[str, str]]:
         rows += [(f"Quicker: --poses {f.poses}", _number_text(f)) for f in e.by_number[:1] if f.poses < len(e.after)]
     if seen.dropped:
         names = name_first([d.name for d in seen.dropped])
-        rows.append((f"Not seen from here: {names}", f"{len(seen.dropped)} of {len(seen.dropped) + len(seen.names)}"))
+        count = f"{len(seen.dropped)} of {len(seen.dropped) + len(seen.names)} parameters"
+        counted = "" if plan.expected_error is None else "; the expected error counts them"
+        rows.append((f"These poses do not show {names}", f"{count}{counted}"))
     return rows
 
 
