@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from planner.programs.verification import write_program
 from planner.session.neutral_program import build_program
 from tests.command import edbb
 from tests.kinematics.test_urdf_frames import UR10, urdf
+from tests.programs.sessions import PULSES
 from tests.workflow.conftest import small_cell
 
 ENOUGH = ("candidates = 3000", "candidates = 900")
@@ -90,7 +92,8 @@ def test_bodies_in_robot_toml_stand_for_those_of_the_urdf(tmp_path):
 def test_the_head_of_every_program_lists_them(crowded, dialect):
     cell = load_cell(crowded)
     home = JointMove(tuple(np.rad2deg(cell.home)), 10.0, 50.0, 5.0)
-    files = write_program(build_program(cell, "0" * 12, [home]), dialect, "six")
+    program = replace(build_program(cell, "0" * 12, [home]), pulses_per_deg=PULSES[:6])
+    files = write_program(program, dialect, "six")
     lines = files[0].text.splitlines()
     first = next((k for k, line in enumerate(lines) if "not checked for collisions" in line.lower()), None)
     assert first is not None, files[0].text
