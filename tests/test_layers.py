@@ -65,8 +65,10 @@ def public_modules():
     """What each room, and each public folder of it, lists in ``__all__``: {folder's parts: names}."""
     out = {}
     for path in ROOT.rglob("*/__init__.py"):
-        for node in nodes_of(path)[0].body:
-            target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+                continue
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
             if getattr(target, "id", "") == "__all__":
                 out[path.parent.relative_to(ROOT).parts] = set(ast.literal_eval(node.value))
     return out

@@ -85,7 +85,7 @@ class BallGauge(FrameGauge):
             return found, float(np.sqrt(((plate_point - tool_point) ** 2).sum(axis=1).mean()))
 
         plate, off = place(r.ball)
-        _check_exchanged_balls(run, setup.ball_names, off, lambda ball: place(ball)[1])
+        check_exchanged_balls(run, setup.ball_names, off, lambda ball: place(ball)[1])
         return replace(setup, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
 
     def needs_new_frames(self, setup: Placement, run: Run) -> bool:
@@ -114,14 +114,15 @@ class BallGauge(FrameGauge):
         return replace(samples, q=read_only(samples.q)), Readings(ball=ball)
 
 
-def _check_exchanged_balls(run: Run, names: tuple[str, ...], off: float, off_with: Callable[[IntArray], float]) -> None:
+def check_exchanged_balls(run: Run, names: tuple[str, ...], off: float, off_with: Callable[[IntArray], float]) -> None:
     """Refuse a run that fits much better with the names of two balls exchanged; ``off`` is how it fits now [m].
 
     Raises:
         InputError: naming the two.
     """
     ball, pairs = np.asarray(run.readings.ball), list(combinations(range(len(names)), 2))
-    if not pairs:
+    # 0.01: [rad] repeats of a pose are nearer. 4: poses; fewer fit nearly any balls, as the plate may stand anywhere
+    if not pairs or len(np.unique(np.round(run.samples.q / 0.01), axis=0)) < 4 * max(len(run.places), 1):
         return
     swapped = [off_with(np.where(ball == a, b, np.where(ball == b, a, ball))) for a, b in pairs]
     best = int(np.argmin(swapped))

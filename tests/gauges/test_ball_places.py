@@ -8,6 +8,7 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.documents.calibrated_robot import calibrated_files
+from planner.gauges.balls import check_exchanged_balls
 from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
@@ -83,3 +84,11 @@ def test_of_all_pairs_the_one_that_fits_best_is_named(measured, tmp_path):
     for a, b in ((1, 2), (2, 3), (1, 3)):
         with pytest.raises(InputError, match=f"balls {names[a]} and {names[b]} look exchanged"):
             _found(_with_names_exchanged(run, names[a], names[b], tmp_path / "run.csv"), cell)
+
+
+def test_so_few_poses_that_any_names_fit_are_not_refused(measured):
+    run = load_runs([measured[0]], 6)
+    names = tuple(name for name, _ in _balls(measured[1]))
+    with pytest.raises(InputError, match="look exchanged"):
+        check_exchanged_balls(run, names, 1e-3, lambda _: 0.0)
+    check_exchanged_balls(run.take(np.arange(3)), names, 1e-3, lambda _: 0.0)

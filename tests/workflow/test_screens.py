@@ -1,4 +1,4 @@
-"""A screen of a fit has eight lines whatever there is to say: fits with few causes and many, with notes, failed, validated."""
+"""A screen of a fit has eight lines whatever there is to say: few causes and many, notes, failed, validated."""
 
 import dataclasses
 from collections.abc import Iterable
