@@ -366,7 +366,7 @@ def _orientation_words(R: Array, pose: CartesianTarget) -> Array:
     """Return the orientation (1, 3, 3) in the words of the pose that it corrects."""
     if pose.spelling == "quaternion":
         return np.asarray(to_quaternion(R, pose.words[None])[0])
-    return np.asarray(to_euler(R, pose.words[None], "ZYX" if pose.spelling == "abc" else pose.spelling)[0])
+    return np.asarray(to_euler(R, pose.words[None], pose.spelling)[0])
 
 
 def _arms(robot: Robot, q: Array, q_new: Array) -> list[CorrectedArm]:

@@ -59,7 +59,7 @@ def rough_starts(robot: Robot, targets: Sequence[Target], q: Array) -> Iterator[
 def near_singular_angles(before: Sequence[Target], after: Sequence[Target]) -> Iterator[Note]:
     """Yield (line, sentence) of poses near B = ±90°, where A and C change by far more than the orientation does."""
     for old, new in zip(before, after, strict=True):
-        if old.pose is None or new.pose is None or old.pose.spelling != "abc":
+        if old.pose is None or new.pose is None or old.pose.spelling != "ZYX":
             continue
         was, is_ = old.pose.words / DEG, new.pose.words / DEG
         turn = float(np.linalg.norm(rotation_between(old.pose.T_BT[None, :3, :3], new.pose.T_BT[None, :3, :3])))

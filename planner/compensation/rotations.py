@@ -34,14 +34,6 @@ def from_abc(abc: Array) -> Array:
     return np.asarray(Rotation.from_euler("ZYX", abc).as_matrix())
 
 
-def to_abc(R: Array, near: Array) -> Array:
-    """Return A, B, C (n, 3) [rad] of R (n, 3, 3), of both spellings and all turns the one nearest to ``near``.
-
-    At B = ±90° only A ∓ C is determined; there A stays as in ``near``.
-    """
-    return to_euler(R, near, "ZYX")
-
-
 def to_euler(R: Array, near: Array, sequence: str) -> Array:
     """Return three angles (n, 3) [rad] of R (n, 3, 3), of both spellings and all turns the one nearest to ``near``.
 

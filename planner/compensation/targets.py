@@ -61,8 +61,8 @@ class CartesianTarget:
 
     Attributes:
         T_BT: pose of the tool in its base, (4, 4) [m].
-        spelling: ``abc`` (Z-Y'-X" angles), ``quaternion`` (scalar first), or the axes of three angles as scipy names
-            them (``ZYZ``; small letters: about fixed axes).
+        spelling: ``quaternion`` (scalar first), or the axes of three angles as scipy names them (``ZYX`` of A, B, C;
+            small letters: about fixed axes).
         words: orientation as written, 3 angles [rad] or 4 numbers; the corrected one is written nearest to it.
         T_WB, T_FT: base in the robot's own frame, tool in the flange, (4, 4) [m].
         configuration: which way to reach it, or None: then ``start`` or the target before says it.

@@ -92,7 +92,7 @@ class _TargetColumns:
             said = f"{', '.join(beside)} stay as they are: joint angles are corrected, no complete pose is beside them"
             reading.notes.append((1, said))
         self.pose = position + (angles or quaternion) if position and (angles or quaternion) else []
-        self.spelling = "abc" if angles else "quaternion"
+        self.spelling = "ZYX" if angles else "quaternion"
         self.others = [k for k, name in enumerate(header) if name and not _BESIDE.fullmatch(name)]
         if self.others:
             names = ", ".join(header[k] for k in self.others)

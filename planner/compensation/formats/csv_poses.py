@@ -9,7 +9,7 @@ from planner.common.units import DEG, MM, Array
 from planner.compensation.correction import NominalFlange
 from planner.compensation.few_axes import FULL_AXES
 from planner.compensation.orientation_conventions import agreeing_conventions, turn_of_tool, turns_between
-from planner.compensation.rotations import frame, inverse, to_abc
+from planner.compensation.rotations import frame, inverse, to_euler
 from planner.compensation.targets import CartesianTarget, Target, TargetReading
 from planner.compensation.tolerances import CONVENTION_OFF, START_OFF, START_TURN
 from planner.programs.languages.statements import Slot
@@ -79,13 +79,13 @@ def _refuse_other_convention(
     words = np.array([pose.words for _, _, pose in rows])
     if found := agreeing_conventions(words, R_wanted):
         more = "".join(f", and as {other.name}" for other in found[1:3])
-        written = "A, B, C (Z-Y'-X\", moving axes)" if spelling == "abc" else "quaternions w, x, y, z"
+        written = "A, B, C (Z-Y'-X\", moving axes)" if spelling == "ZYX" else "quaternions w, x, y, z"
         agree = f"the columns say {written}; read as {found[0].name}{more} all agree"
         raise InputError(f"{said}: {agree}; {found[0].cure}")
     R_FT = turn_of_tool(np.array([pose.T_BT[:3, :3] for _, _, pose in rows]), R_wanted)
     if R_FT is not None:
         T_FT = rows[0][2].T_FT
-        numbers = [*T_FT[:3, 3] / MM, *to_abc((T_FT[:3, :3] @ R_FT)[None], np.zeros((1, 3)))[0] / DEG]
+        numbers = [*T_FT[:3, 3] / MM, *to_euler((T_FT[:3, :3] @ R_FT)[None], np.zeros((1, 3)), "ZYX")[0] / DEG]
         tool = ",".join(f"{v + 0.0:.4g}" for v in numbers)
         raise InputError(
             f"{said}. All agree with a tool that is turned: --tool={tool} (mm and degrees), if it is that one"

@@ -303,7 +303,7 @@ class _KrlTargets:
         words = read_only([found[k].value * DEG for k in "ABC"])
         T_BT = transform(Aggregate("", found))
         assert T_BT is not None
-        pose = tg.CartesianTarget(T_BT, "abc", words, T_WB, T_FT, configuration)
+        pose = tg.CartesianTarget(T_BT, "ZYX", words, T_WB, T_FT, configuration)
         return self.reading.add(tg.Target(line, tuple(slots), None, pose, follows, straight), index)
 
     def _why_not(self, found: Numbers, frames: pt.FramePair, is_sure: bool) -> str:
