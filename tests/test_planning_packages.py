@@ -83,7 +83,10 @@ def test_no_module_loads_a_package_of_planning():
 
 
 def test_planning_without_its_packages_says_in_one_sentence_where_it_can_be_done(tmp_path):
-    commands = (["plan", "ur10/edbb"], ["study", "ur10/edbb"], ["plan-check", "ur10/edbb", "--model", "b"])
+    commands = (
+        ["plan", "ur10/edbb"], ["study", "ur10/edbb"], ["plan-check", "ur10/edbb", "--model", "b"],
+        ["demo", "ur10/edbb"], ["demo", "--poses", "30"],
+    )  # fmt: skip
     one_by_one = "for sys.argv[1:] in {}:\n    try: main()\n    except SystemExit as done: print(done.code)\n"
     code = WITHOUT.format(packages=PACKAGES).replace(
         "\nmain()\n", "\n" + one_by_one.format([[*c, "-o", "out"] for c in commands])

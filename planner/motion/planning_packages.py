@@ -12,7 +12,19 @@ from planner.common.advice import Occasion, advice
 from planner.common.errors import MissingProgramError
 from planner.common.lazy_modules import LazyModule
 
-__all__ = ["coal", "fcl", "has_judges", "is_installed", "ob", "og", "ou", "pin", "require_planning_packages", "ruckig"]
+__all__ = [
+    "can_plan",
+    "coal",
+    "fcl",
+    "has_judges",
+    "is_installed",
+    "ob",
+    "og",
+    "ou",
+    "pin",
+    "require_planning_packages",
+    "ruckig",
+]
 
 DISTRIBUTIONS = {"pinocchio": "pin", "coal": "coal", "fcl": "python-fcl", "ompl": "ompl", "ruckig": "ruckig"}
 """Names to import: names to install."""
@@ -47,6 +59,11 @@ def has_judges() -> bool:
     return all(map(is_installed, JUDGES))
 
 
+def can_plan() -> bool:
+    """Tell whether planning is possible here: OMPL finds the ways, and without a judge no path is proven."""
+    return has_judges() and is_installed("ompl")
+
+
 def is_installed(name: str) -> bool:
     """Tell whether a package can be imported; it is not."""
     try:
@@ -56,14 +73,14 @@ def is_installed(name: str) -> bool:
 
 
 def require_planning_packages() -> None:
-    """Refuse to begin what cannot be ended here: OMPL finds the ways, and without a judge no path is proven.
+    """Refuse to begin what cannot be ended here.
 
     Where ruckig is missing its profile is written down in closed form.
 
     Raises:
         MissingProgramError: one of them is not installed; which, and where planning is possible.
     """
-    if not (has_judges() and is_installed("ompl")):
+    if not can_plan():
         raise _missing(_absent_packages())
 
 

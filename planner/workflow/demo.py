@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from planner.common.console import as_word
+from planner.common.files import data_folder, write_bytes
 from planner.common.progress import Progress, Stages, no_progress
 from planner.common.result import FolderResult
 from planner.common.summary import Fact, Summary
 from planner.common.units import to_mm
+from planner.motion.planning_packages import can_plan
 from planner.runs.writer import save_run
-from planner.session.planned_session import PlannedSession
+from planner.session.planned_session import PLAN, PlannedSession, load_session
 from planner.simulation.simulated_run import SimulatedRun, planned_samples, simulate_run
 from planner.simulation.truth import TruthEffectFile, draw_expected_truth, effects_from_file
 from planner.workflow.identification import CalibrationResult, identify
@@ -19,7 +22,9 @@ from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan
 
 CELL = "comau-nj130/edbb"
+SHIPPED = "comau-nj130/plan/plan.json"  # the plan of CELL, for computers on which nobody can plan
 HIDDEN = "encoder once a turn"  # kind of the fault: an encoder out of centre
+ONLY_SHIPPED = "comes with edbb; packages of planning are not installed here: edbb plan says what to do"
 SIZES = (200.0, 400.0)  # [µrad] from the least to the largest: 0.2 to 0.4 mm at a metre
 SESSION, RUN, CALIBRATED = "session", "run.csv", "calibrated"
 
@@ -29,14 +34,14 @@ class DemoResult(FolderResult):
     """The chain from plan to calibrated robot.
 
     Attributes:
-        session: the plan.
+        session: the plan, or the file of the shipped one.
         run: the simulated run.
         robot: what was identified of it.
         hidden: the fault: kind, place and size [µrad].
     """
 
     main_file = "demo.json"
-    session: PlanResult
+    session: PlanResult | Path
     run: SimulatedRun
     robot: CalibrationResult
     hidden: tuple[str, str, float]
@@ -70,13 +75,16 @@ class DemoResult(FolderResult):
         """Return the overview: the hidden fault, the findings, and the error before and after."""
         kind, on, size = self.hidden
         found, release = self.robot.calibration, self.robot.calibration.release
-        facts: list[Fact] = [("hidden", f"{kind}, {on}: {size:.0f} µrad, beside errors of every length and angle")]
+        shipped = isinstance(self.session, Path)
+        facts: list[Fact] = [("plan", ONLY_SHIPPED)] if shipped else []
+        facts += [("hidden", f"{kind}, {on}: {size:.0f} µrad, beside errors of every length and angle")]
         facts += [f for f in self.robot.overview().facts if f[0] in ("found", "rest")]
         facts.append(("so", self.verdict))
         if release is not None:
             before, after = (float(to_mm(v)) for v in (release.nominal_anywhere, found.workspace_error))
             facts.append(("tool error", f"{before:.3f} → {after:.3f} mm  rms over the workspace"))
-        return Summary(f"{found.robot}: planned, measured by simulation, calibrated", facts)
+        begun = "with a shipped plan" if shipped else "planned"
+        return Summary(f"{found.robot}: {begun}, measured by simulation, calibrated", facts)
 
     def content(self) -> dict[str, Any]:
         """Return the hidden fault, and whether it was found."""
@@ -86,21 +94,31 @@ class DemoResult(FolderResult):
 
     def fill(self, draft: Path) -> None:
         """Write the plan, the run and the calibration, each as its own command does."""
-        self.session.write(draft / SESSION)
+        if isinstance(self.session, Path):
+            (draft / SESSION).mkdir()
+            for file in self.session.parent.iterdir():
+                write_bytes(draft / SESSION / file.name, file.read_bytes())
+        else:
+            self.session.write(draft / SESSION)
         save_run(self.run, draft / RUN)
         self.robot.write(draft / CALIBRATED)
 
     def files(self, folder: Path) -> str:
         """Name the pages and the run."""
-        return f"{SESSION}/report.html, {RUN}, {CALIBRATED}/report.html"
+        plan = PLAN if isinstance(self.session, Path) else "report.html"
+        return f"{SESSION}/{plan}, {RUN}, {CALIBRATED}/report.html"
 
     def next_step(self, folder: Path) -> str:
-        """Say how the same is done with one's own robot."""
+        """Say how the same is done with one's own robot, or the program of the shipped plan is written."""
+        if isinstance(self.session, Path):
+            return f"edbb export {as_word(folder / SESSION / PLAN)} --dialect krl -o program.src writes its program"
         return "edbb robots lists the robots and cells; edbb plan CELL -o session plans one of them"
 
 
 def demo(cell: str = CELL, poses: int | None = None, seed: int = 0, progress: Progress = no_progress) -> DemoResult:
     """Run the chain on a cell: plan, simulated run of a robot with a hidden fault, identification.
+
+    Where nobody can plan, the shipped plan of the default cell is taken.
 
     Args:
         cell: name or file of the cell.
@@ -111,11 +129,10 @@ def demo(cell: str = CELL, poses: int | None = None, seed: int = 0, progress: Pr
     Raises:
         InputError: the cell cannot be read.
         NoSolutionError: a stage has no solution.
-        MissingProgramError: a package of planning is not installed.
+        MissingProgramError: a package of planning is not installed, and another plan than the shipped one is wanted.
     """
-    session = plan(cell, poses=poses, progress=progress)
-    assert isinstance(session, PlanResult)
-    driven = PlannedSession.of(session.plan)
+    session = _plan_of(cell, poses, progress)
+    driven = load_session(session, "simulated") if isinstance(session, Path) else PlannedSession.of(session.plan)
     samples = planned_samples(driven.cell, driven.document, driven.courses)
     random = np.random.default_rng(seed)
     joint, size = int(random.integers(2, driven.cell.robot.n_joints)), float(np.round(random.uniform(*SIZES)))
@@ -128,3 +145,12 @@ def demo(cell: str = CELL, poses: int | None = None, seed: int = 0, progress: Pr
     run = simulate_run(driven.cell, driven.plan_id, samples, known, seed)
     robot = identify(run, plan=session, progress=progress)
     return DemoResult(session, run, robot, (HIDDEN, on, size))
+
+
+def _plan_of(cell: str, poses: int | None, progress: Progress) -> PlanResult | Path:
+    """Return the plan, or the file of the shipped one."""
+    if (cell, poses) == (CELL, None) and not can_plan():
+        return data_folder("robots") / SHIPPED
+    session = plan(cell, poses=poses, progress=progress)
+    assert isinstance(session, PlanResult)
+    return session

@@ -5,8 +5,49 @@ import re
 
 import pytest
 
+from planner.cell.reading import load_cell
+from planner.common.files import data_folder
+from planner.session.document import read_plan
+from planner.session.movable_cell import cell_files
+from planner.session.planned_session import load_session
+from planner.workflow.demo import CELL, SHIPPED
+from planner.workflow.planning import plan
 from tests.command import edbb
+from tests.not_everywhere import require_planning
+from tests.test_planning_packages import edbb_without
 from tests.workflow.conftest import FEWER, small_cell
+
+READY = data_folder("robots") / SHIPPED
+
+
+def test_the_shipped_plan_is_of_the_shipped_cell():
+    """Where it is not any more, the plan is made anew as CONTRIBUTING.md says."""
+    session = load_session(READY, "simulated", check=True)
+    assert session.notes == ()
+    assert cell_files(load_cell(CELL)) == {"cell.toml": (READY.parent / "cell.toml").read_bytes()}
+
+
+@pytest.mark.long
+def test_the_shipped_plan_is_as_good_as_one_of_today():
+    require_planning()
+    shipped, made = read_plan(READY), plan(CELL).document()
+    assert len(shipped.poses) == len(made.poses)
+    assert shipped.parameters == made.parameters
+    assert shipped.foresight.error_mm == pytest.approx(made.foresight.error_mm, rel=0.05)
+    assert shipped.trajectory.duration_s == pytest.approx(made.trajectory.duration_s, rel=0.1)
+
+
+@pytest.mark.long
+def test_where_nobody_can_plan_the_demo_takes_the_shipped_plan(tmp_path):
+    """Its screen says so, and the command that it names works there."""
+    done = edbb_without("demo", "--no-open", "-o", "demo", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "packages of planning are not installed here" in done.stdout
+    for file in ("plan.json", "cell.toml"):
+        assert (tmp_path / "demo" / "session" / file).read_bytes() == (READY.parent / file).read_bytes()
+    assert (tmp_path / "demo" / "calibrated" / "report.html").stat().st_size > 0
+    words = re.search(r"next +edbb (.*) writes its program", done.stdout)[1].split()
+    assert edbb_without(*words, cwd=tmp_path).returncode == 0
 
 
 @pytest.mark.long

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from tests.not_everywhere import tty
+from tests.test_planning_packages import edbb_without
+from tests.windows.wine import PATIENCE_S
 
 pytestmark = pytest.mark.long
 HASH = re.compile(r'"[0-9a-f]{8,}"|(?<![.\d])\b[0-9a-f]{12,}\b')
@@ -92,11 +94,13 @@ def test_differences_are_found():
         assert [found[0] for found in differences(ours | changed, ours)] == [place]
 
 
+def document(folder):
+    """What was identified."""
+    return json.loads((folder / "calibrated" / "identification.json").read_text(encoding="utf-8"))
+
+
 def test_the_identification_is_that_of_linux(walked):
-    theirs, ours = (
-        json.loads((folder / "calibrated" / "identification.json").read_text(encoding="utf-8")) for folder in walked
-    )
-    assert list(differences(theirs, ours)) == []
+    assert list(differences(*map(document, walked))) == []
 
 
 class ComPort:
@@ -132,13 +136,27 @@ def test_a_gauge_at_a_com_port_is_read(wine, folders):
     assert f"{lengths[first] + 0.25:.3f}" in (there / "measured.csv").read_text()
 
 
-@pytest.mark.parametrize("words", [("plan", "kuka-kr6-r700/edbb"), ("demo",)], ids=" ".join)
-def test_planning_says_what_to_do(wine, folders, words):
+def test_planning_says_what_to_do(wine, folders):
     there, _ = folders
-    said = wine.edbb(*words, "-o", "no", cwd=there, code=4)
+    said = wine.edbb("plan", "kuka-kr6-r700/edbb", "-o", "no", cwd=there, code=4)
     assert "--server URL" in said
     assert "WSL" in said
     assert not (there / "no").exists()
+
+
+@pytest.mark.skipif(not os.environ.get("EDBB_ALL_TRIALS"), reason="a quarter of an hour, with EDBB_ALL_TRIALS")
+def test_the_demo_walks_from_the_shipped_plan(wine, folders):
+    """As on Linux where the packages of planning cannot be imported."""
+    there, here = (folder / "trial" for folder in folders)
+    for folder in (there, here):
+        folder.mkdir()
+    said = wine.edbb("demo", "--no-open", cwd=there, timeout=3 * PATIENCE_S)
+    assert "packages of planning are not installed here" in said
+    done = edbb_without("demo", "--no-open", cwd=here)
+    assert done.returncode == 0, done.stderr
+    assert results(there) == results(here)
+    assert (there / "demo" / "run.csv").read_bytes() == (here / "demo" / "run.csv").read_bytes()
+    assert list(differences(*(document(f / "demo") for f in (there, here)))) == []
 
 
 def test_a_linux_pc_plans_for_it(wine, folders, tmp_path):
