@@ -178,7 +178,22 @@ def test_a_console_of_windows_shows_its_own_letters(wine, folder, console):
     assert "Prüfung.csv".encode() not in said
 
 
-def test_a_network_name_is_written_to(wine, folder):
+def test_a_share_of_another_computer_is_read_and_written(wine, folder, tmp_path):
+    """A run, and a folder of results beside it, on a drive that has no letter."""
+    shares, at = wine.prefix / "dosdevices" / "unc" / "office", "\\\\office\\cell\\"
+    shares.mkdir(parents=True, exist_ok=True)
+    (shares / "cell").unlink(missing_ok=True)
+    (shares / "cell").symlink_to(shutil.copytree(folder, tmp_path / "cell"))
+    words = ("--map", at + "map.toml", "-o", at + "new.csv")
+    wine.edbb("import", at + "axes.log", at + "gauge.log", *words)
+    assert (tmp_path / "cell" / "new.csv").read_bytes() == (folder / "imported.csv").read_bytes()
+    words = ("--plan", at + "mine/plan.json", "--model", at + "calibrated", "-o", at + "new")
+    wine.edbb("check", at + "run.csv", *words, timeout=600)
+    assert changed_files(tmp_path / "cell" / "new", "check.json") == []
+    wine.edbb("import", "axes.log", "gauge.log", *LOG_MAP, "-o", at + "aux.csv", cwd=folder, code=2)
+
+
+def test_a_name_in_the_long_form_is_written_to(wine, folder):
     name = "\\\\?\\" + wine.windows(folder / "network.csv")
     wine.edbb("import", "axes.log", "gauge.log", *LOG_MAP, "-o", name, cwd=folder)
     assert (folder / "network.csv").read_bytes() == (folder / "imported.csv").read_bytes()
