@@ -77,7 +77,7 @@ def folder(wine, walked, judged):
     shutil.rmtree(copy, ignore_errors=True)
     for made in (walked[0], judged):
         shutil.copytree(made, copy, dirs_exist_ok=True)
-    for name in ("p.src", "p.dat", "centring/EDBB_CENTRE.dat"):
+    for name in ("p.src", "p.dat", "work_corrected.src", "centring/EDBB_CENTRE.dat"):
         (copy / name).write_text("; edbb: of yesterday\n" + (copy / name).read_text())
     return copy
 
