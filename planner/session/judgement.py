@@ -53,7 +53,7 @@ def _seem_proven(constraints: Constraints, corners: Array) -> np.ndarray:
     return constraints.prove_corners(corners).proven
 
 
-def judge_plan(path: Path, cell: Cell, program: Program, notes: Sequence[str], proven: bool = False) -> tuple[str, ...]:
+def judge_plan(path: Path, cell: Cell, program: Program, notes: Sequence[str], proven: bool) -> tuple[str, ...]:
     """Judge the program of the plan at ``path``; return the notes for a plan that was changed by hand and still holds.
 
     Where the collision engines are not installed nothing is judged: a program is trusted then if it is one that they
@@ -63,7 +63,7 @@ def judge_plan(path: Path, cell: Cell, program: Program, notes: Sequence[str], p
         path: of ``plan.json``, for messages.
         cell, program: as for :func:`judge_program`.
         notes: what was changed, nothing for a plan that is as it was written.
-        proven: whether a program that drives the same was proven when the plan was written.
+        proven: whether what drives the same was proven when the plan was written.
 
     Raises:
         NoSolutionError: it is not proven.

@@ -178,7 +178,7 @@ def _prove_anew(path: Path, session: S) -> S:
     if not has_judges():  # nothing is driven: it is enough to say so
         return replace(session, notes=tuple(f"{note}; {NOT_PROVEN_ANEW}" for note in session.notes))
     program = _program_of(path, session, PathForm())
-    return replace(session, notes=judge_plan(path, session.cell, program, session.notes))
+    return replace(session, notes=judge_plan(path, session.cell, program, session.notes, False))
 
 
 @called_with(ImportCall)

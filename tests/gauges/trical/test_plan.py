@@ -21,6 +21,8 @@ from planner.session.plan_record import plan_document
 from planner.session.planning import with_programs
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan_cell
+from planner.workflow.writing import write_cell
+from tests.command import edbb
 from tests.programs.reading import read_back, verify
 
 SWEEP = 25  # states on each motion
@@ -136,3 +138,19 @@ def test_it_is_written_whole(planned, tmp_path):
     assert {"plan.json", "cell.toml", "report.html", "trajectory.csv", "contact.png", "view.png"} <= written
     head = (tmp_path / "out" / "trajectory.csv").read_text().splitlines()[0]
     assert head.startswith("t_s,q1_deg")
+
+
+def test_it_is_centred_where_no_engine_is_installed(planned, tmp_path, monkeypatch):
+    """On a PC that does not plan: what was proven is driven, and what was changed is not."""
+    path = tmp_path / "plan.json"
+    path.write_text(PlanResult(planned).to_json())
+    write_cell(planned.cell, tmp_path)
+    monkeypatch.setattr("planner.session.judgement.has_judges", lambda: False)
+    done = edbb("centre", path, "--simulate", "-o", tmp_path / "run.csv")
+    assert done.returncode == 0, done.screen
+    assert "not judged anew" in " ".join(done.screen.split())
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"seed": 12}))
+    done = edbb("centre", path, "--simulate", "-o", tmp_path / "changed.csv")
+    assert done.returncode == 4
+    assert "as it was planned" in " ".join(done.screen.split())
+    assert not (tmp_path / "changed.csv").exists()
