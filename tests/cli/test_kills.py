@@ -35,6 +35,7 @@ from tests.cli.test_writing import MAP
 from tests.command import edbb
 from tests.loaded.test_both import write_inputs
 
+pytestmark = pytest.mark.posix  # every command that is killed is a fork
 KILLS = {
     "import": 4, "simulate": 20, "export": 20, "compensate": 20, "accuracy": 12, "circular": 12, "loaded": 8,
     "study": 10, "identify": 10, "plan": 10, "fixtures": 8, "loaded-places": 10, "plan-both": 8, "check": 10,

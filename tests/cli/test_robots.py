@@ -12,6 +12,7 @@ from planner.report.robot_drawing import draw_robot, lengths
 from planner.session.cell_checks import check_cell
 from planner.workflow.robot_copy import copy_robot
 from tests.command import edbb
+from tests.not_everywhere import require_planning
 
 ROWS = """# convention: mdh
 alpha_deg,a_mm,theta_deg,d_mm,lower_deg,upper_deg,speed_deg_s
@@ -59,6 +60,7 @@ def test_a_copy_cites_no_source_as_its_own(tmp_path, name):
     of_urdf = {c.controller for c in shipped.conventions if c.source.startswith("the joints of") and shipped.tip}
     for own, other in zip(mine.conventions, shipped.conventions, strict=True):
         assert own.source == said + other.source or own.controller in of_urdf
+    require_planning()
     for cell in sorted(p for p in tmp_path.glob("*.toml") if p.name != "robot.toml")[:1]:
         languages = [load_dialect(c.controller) for c in mine.conventions]
         able = [language.name for language in languages if language.max_joints >= mine.n_joints]

@@ -64,7 +64,7 @@ def test_a_word_that_is_no_verb_names_the_nearest():
 
 
 def test_words_of_files_are_printed_as_they_stand(monkeypatch):
-    assert "edbb: :car:.toml" in edbb("plan", ":car:.toml", "-o", "nowhere").screen
+    assert "edbb: :car:.toml" in edbb("simulate", ":car:.toml", "-o", "nowhere.csv").screen
     title = "TX60 [/60] :car: [red]"
     robot = replace(robot_reader.load_robot("ur10"), title=title)
     monkeypatch.setattr(robot_reader, "load_robot", lambda name: robot)
