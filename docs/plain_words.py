@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -80,22 +81,21 @@ def count_words(sentence: str) -> int:
 
 def program_texts(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the texts of a module that a person may read, with their lines: no docstrings, keys, patterns."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = _nodes(path)
     docstrings = {
         id(node.body[0].value)
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
         and node.body
         and isinstance(node.body[0], ast.Expr)
     }
-    bare = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
-    parts = {id(v) for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for v in n.values}
-    for node in ast.walk(tree):
+    bare = {id(n.value) for n in nodes if isinstance(n, ast.Expr)}
+    parts = {id(v) for n in nodes if isinstance(n, ast.JoinedStr) for v in n.values}
+    no_texts = docstrings | bare | parts
+    for node in nodes:
         if isinstance(node, ast.JoinedStr):
             text = "".join(str(v.value) if isinstance(v, ast.Constant) else "X" for v in node.values)
-        elif (
-            isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings | bare | parts
-        ):
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in no_texts:
             text = node.value
         else:
             continue
@@ -103,9 +103,15 @@ def program_texts(path: Path) -> Iterator[tuple[int, str]]:
             yield node.lineno, text
 
 
+@cache
+def _nodes(path: Path) -> tuple[ast.AST, ...]:
+    """Return all nodes of a module, parsed once."""
+    return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
 def docstring_sentences(path: Path) -> Iterator[str]:
     """Yield the sentences of a module's docstrings; each attribute, argument and error begins a new one."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in _nodes(path):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
             for part in re.split(r"\n\s*\n|\n(?=\s*\w+(?:, \w+)*: )", text):
                 yield from split_sentences(" ".join(part.split()))
@@ -127,9 +133,16 @@ def find_faults(place: str, sentences: Iterator[str], banned: tuple[str, ...] = 
         for word, own in others.items():
             if re.search(rf"\b{word}s?\b", sentence.lower()):
                 yield Fault(place, f"'{word}': the glossary calls it '{own}'", sentence)
+        if not _any_of(banned).search(sentence.lower()):
+            continue
         for turn in banned:
             if re.search(rf"\b{turn}\b", sentence.lower()):
                 yield Fault(place, f"'{turn.partition('(')[0]}'", sentence)
+
+
+@cache
+def _any_of(banned: tuple[str, ...]) -> re.Pattern[str]:
+    return re.compile(rf"\b(?:{'|'.join(banned)})\b")
 
 
 MADE = ROOT / "docs" / "papers.md"

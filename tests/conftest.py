@@ -26,7 +26,14 @@ TOGETHER = (
     "tests/report", "tests/circular", "tests/gauges/trical", "tests/studies", "tests/accuracy",
     "tests/loaded", "tests/windows",
 )  # fmt: skip
-SHARED = {"tests/identification/test_suitability.py": "tests/identification/test_posterior.py"}  # of two files alike
+OF_SOURCES = (  # parse every file of the planner: once, in one process
+    "tests/test_layers.py", "tests/test_planning_packages.py", "tests/wings/test_left_out.py",
+    "tests/cli/test_recommended.py",
+)  # fmt: skip
+SHARED = {  # what computes the same as another file
+    "tests/identification/test_suitability.py": "tests/identification/test_posterior.py",
+    **dict.fromkeys(OF_SOURCES, "tests/test_layers.py"),
+}
 LONGEST = (  # by default, and of those that are run on demand
     "tests/programs/linuxcnc/test_motion_controller.py",
     "tests/workflow/test_plan.py", "tests/reproduction/test_table9.py", "tests/test_examples.py",

@@ -1,6 +1,7 @@
 """The kinds of gauges by the names that cell files call them."""
 
 from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import ClassVar, Protocol, TypeVar
@@ -64,6 +65,7 @@ def own_keys(kind: object) -> tuple[str, ...]:
     return () if gauge is None or gauge.OwnKeys is None else tuple(gauge.OwnKeys.model_fields)
 
 
+@cache  # a cell's file asks some five times, and the folder does not change
 def _import_shipped_modules() -> None:
     for module in sorted(m.name for m in iter_modules(import_module(ROOM).__path__) if not m.ispkg):
         import_module(f"{ROOM}.{module}")

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
-from planner.common.schema import read_toml, validate
+from planner.common.schema import read_toml, read_toml_again, validate
 from planner.common.units import DEG, MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.axes import AxisConvention, JointRange, convention_from_table
 from planner.kinematics.calibration_files import robot_of_differences, row_differences
@@ -112,7 +112,7 @@ def describe_robot(path: Path, tip: str | None = None) -> RobotDescription:
     if path.suffix == ".csv":
         content = {"schema": "edbb-robot/1", "name": path.stem} | read_dh_table(path)
         return _with_short_offsets(validate(content, RobotDescription, str(path)))
-    return _with_short_offsets(read_toml(path, RobotDescription))
+    return _with_short_offsets(read_toml_again(path, RobotDescription))
 
 
 def _with_differences(path: Path) -> RobotDescription:

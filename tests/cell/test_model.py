@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.cell.reading import load_cell, shipped_cells
+from planner.cell.reading import load_cell
 from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import identify_candidates
 from planner.model.model import Model
 from planner.runs.run import Samples
+from tests.shipped import cells_that
 
 
-@pytest.mark.parametrize("name", [n for n in shipped_cells() if load_cell(n).gauge.is_attached])
+@pytest.mark.parametrize("name", cells_that(lambda cell: cell.gauge.is_attached))
 def test_jacobian_agrees_with_finite_differences(name):
     cell = load_cell(name)
     model = Model.from_cell(cell, frozenset({"fixture", "tool", "zero"}))

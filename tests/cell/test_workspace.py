@@ -9,8 +9,9 @@ from planner.cell.workspace import STAGES, Workspace, axis_reach, parallel_trans
 from planner.design.candidates.pool import draw_candidates
 from planner.kinematics.chain import Chain
 from planner.motion.path.margins import WorkspaceBounds
+from tests.shipped import cells_that
 
-DRAWN = [n for n in shipped_cells() if not load_cell(n).gauge.at_balls]
+DRAWN = cells_that(lambda cell: not cell.gauge.at_balls)
 FIRST = {n.partition("/")[2]: n for n in reversed(DRAWN)}.values()  # of each gauge
 
 

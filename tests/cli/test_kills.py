@@ -47,9 +47,10 @@ COMPUTED = ("study", "identify", "plan", "fixtures", "loaded-places", "plan-both
 GROWING = ("centre", "measure", "record")  # have tests of their own: what they write grows
 SMALL = {
     "planner.studies.basis:CANDIDATES": 600, "planner.studies.basis:GROWTH": [1.2, 1.6, 2.4],
-    "planner.studies.basis:STEPS": 10, "planner.studies.fixture_places:CANDIDATES": 300,
+    "planner.studies.basis:ANNEALING_STEPS": 10, "planner.studies.fixture_places:CANDIDATES": 300,
     "planner.studies.fixture_places:map_fixture_places.__defaults__": [4, 3],
-    "planner.design.fixtures.addition:CANDIDATES": 200, "planner.design.fixtures.addition:ACROSS": 4,
+    "planner.design.fixtures.addition:CANDIDATES_AT_A_PLACE": 200,
+    "planner.design.fixtures.addition:FEWEST_JOINED_POSES": 50,
     "planner.loaded.circle_candidates:find_circle_places.__defaults__": [0, [3, 2]],
 }  # fmt: skip
 ALL = bool(os.environ.get("EDBB_ALL_TRIALS"))

@@ -139,6 +139,7 @@ def main() -> None:
             *inner, last = attribute.split(".")
             for part in inner:
                 owner = getattr(owner, part)
+            getattr(owner, last)  # what is set is there: else the setting would do nothing
             setattr(owner, last, tuple(value) if isinstance(value, list) else value)
         done: dict[str, object] = {}
         if "learn" in order:

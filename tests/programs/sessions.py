@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.file import ControllerFile
-from planner.programs.dialect import dialects, load_dialect
+from planner.programs.dialect import dialects
 from planner.programs.instructions import (
     Comment,
     Dwell,
@@ -21,8 +21,6 @@ from planner.programs.instructions import (
     Sync,
     WaitInput,
 )
-from planner.programs.languages.declared import Position
-from planner.programs.verification import EXECUTIONS, write_program
 
 PLAN_ID = "0123456789ab"
 PULSES = (1341.38, 1907.674, 1592.889, 1022.862, 980.239, 454.754, 1000.0, 500.0)  # a degree, of languages that count
@@ -153,13 +151,4 @@ def with_circle() -> Program:
     return _frame(6, tour)
 
 
-def _says_moves_in_lines(name: str) -> bool:
-    """Whether a controller's program says a move and its angles in one statement, and not a position apart from it."""
-    dialect = load_dialect(name)
-    texts = tuple(f.text for f in write_program(static(), name, "a"))
-    statements = EXECUTIONS[dialect.reading.family](dialect).parse(texts)
-    said = any("-60.0000" in s.text for s in statements if not isinstance(s, Position))
-    return bool(dialect.override.knob) and said
-
-
-BY_LINES = [d.name for d in dialects() if _says_moves_in_lines(d.name)]
+TURNED_DOWN = [d.name for d in dialects() if d.override.knob]  # programs of controllers, no lists of poses

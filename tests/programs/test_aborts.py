@@ -8,8 +8,9 @@ import pytest
 import tests.programs.sessions as sessions
 from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.languages.statements import MotionStatement, Waiting
-from planner.programs.verification import EXECUTIONS, write_program
+from planner.programs.verification import EXECUTIONS
 from tests.programs.languages import dialect_facts
+from tests.programs.reading import write_program
 from tests.programs.test_linuxcnc import RS274, _canonical
 
 SESSIONS = [sessions.static(), sessions.continuous(), sessions.mixed(), sessions.dense(), sessions.resumable()]
@@ -18,6 +19,7 @@ CHANGES = re.compile(
     r"|^(?P<word>AccSet|VelSet|GripLoad|SetDO|PulseDO|PULSE|BAS ?\(#\w+|INTERRUPT \w+|set_\w+|PAYLOAD|M\d+|G\d+.*)",
     re.IGNORECASE,
 )
+
 OWN = r"\w+_[0-9A-F]{12}(\[.*\])?(\.\w+)?|edbb_\w+"  # variables of the program, which bear its id
 # What each controller takes back where a program is aborted, or what is the program's own. Nothing else may change.
 #   RAPID (technical reference, AccSet, GripLoad, PulseDO): defaults as PP is moved to main; a pulse runs out

@@ -11,7 +11,8 @@ from lark import Lark, Token
 import tests.programs.sessions as sessions
 from planner.programs.dialect import dialect_root
 from planner.programs.instructions import Centre, JointMove, LogAxes
-from planner.programs.verification import import_map, write_program
+from planner.programs.verification import import_map
+from tests.programs.reading import write_program
 
 GRAMMAR = Lark((Path(__file__).parent / "grammars" / "krl.lark").read_text(), parser="lalr")
 SYSTEM = {

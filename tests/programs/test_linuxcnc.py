@@ -14,8 +14,8 @@ import tests.programs.sessions as sessions
 from planner.programs.dialect import load_dialect
 from planner.programs.instructions import Dwell, JointMove, Pause, Program, Sync
 from planner.programs.rendering import ProgramFile, render_program
-from planner.programs.verification import ProgramMismatchError, import_map, write_program
-from tests.programs.reading import verify
+from planner.programs.verification import ProgramMismatchError, import_map
+from tests.programs.reading import verify, write_program
 
 RS274 = shutil.which("rs274")
 pytestmark = pytest.mark.skipif(RS274 is None, reason="rs274 is not installed (Debian package linuxcnc-uspace)")

@@ -9,10 +9,10 @@ import pytest
 import tests.programs.sessions as sessions
 from planner.programs.dialect import Dialect, dialect_names, dialects, load_dialect
 from planner.programs.instructions import Program
-from planner.programs.verification import ProgramMismatchError, write_program
+from planner.programs.verification import ProgramMismatchError
 from tests.programs.controllers import run_program, statements_of
 from tests.programs.languages import override_of
-from tests.programs.reading import verify
+from tests.programs.reading import verify, write_program
 from tests.programs.test_linuxcnc import RS274, _canonical
 
 DRIVEN = [d.name for d in dialects() if override_of(d.name)]

@@ -12,8 +12,8 @@ import yaml
 import tests.programs.sessions as sessions
 from planner.programs.instructions import Dwell, Program
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError, write_program
-from tests.programs.reading import verify
+from planner.programs.verification import ProgramMismatchError
+from tests.programs.reading import verify, write_program
 
 NAMED = replace(sessions.static(), joint_names=("pan", "lift", "elbow", "flex", "roll", "wrist"))
 PLANNED = np.array([m.q_deg for m in NAMED.moves])

@@ -7,11 +7,12 @@ import pytest
 
 import tests.programs.sessions as sessions
 from planner.common.errors import InputError
+from planner.programs import verification
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import Dwell, Program, Sync
 from planner.programs.rendering import render_program
-from planner.programs.verification import ProgramMismatchError, write_program
-from tests.programs.reading import blends, read_back, verify
+from planner.programs.verification import ProgramMismatchError
+from tests.programs.reading import blends, read_back, verify, write_program
 
 NAMES = [d.name for d in dialects()] + [f"{d.name}+{o}" for d in dialects() for o in d.options]
 SESSIONS = {
@@ -70,7 +71,7 @@ def test_text_is_fit_for_the_controller(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_same_program_same_bytes(name: str) -> None:
     program = sessions.continuous()
-    assert write_program(program, name, "a") == write_program(program, name, "a")
+    assert write_program(program, name, "a") == verification.write_program(program, name, "a")
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if load_dialect(n).reading.family == "gcode"])

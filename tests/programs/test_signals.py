@@ -9,10 +9,10 @@ import pytest
 import tests.programs.sessions as sessions
 from planner.programs.dialect import load_dialect
 from planner.programs.instructions import JointMove, LogAxes, Program, Sync, WaitInput
-from planner.programs.verification import program_notes, write_program
-from tests.programs.reading import read_back, verify
+from planner.programs.verification import program_notes
+from tests.programs.reading import read_back, verify, write_program
 
-NAMES = sessions.BY_LINES
+NAMES = sessions.TURNED_DOWN
 PASSING = [n for n in NAMES if load_dialect(n).blend.kind not in ("dense", "none")]
 SESSIONS = [sessions.static, sessions.continuous, sessions.mixed, sessions.dense]
 # every word by which one of the languages switches an output or waits for an input
@@ -30,6 +30,7 @@ def _code(program: Program, name: str) -> str:
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.usefixtures("by_lines")
 @pytest.mark.parametrize("session", SESSIONS)
 def test_unnamed_signals_are_not_touched(name, session):
     named = session()
@@ -48,6 +49,7 @@ def test_unnamed_signals_are_not_touched(name, session):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.usefixtures("by_lines")
 def test_without_an_input_the_operator_says_when(name):
     """The pause before stands for it; where there is none, the program pauses of itself."""
     program = sessions.with_controller(sessions.static(), gauge_input=None)
@@ -59,6 +61,7 @@ def test_without_an_input_the_operator_says_when(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.usefixtures("by_lines")
 @pytest.mark.parametrize("session", SESSIONS)
 def test_named_signals_are_those_of_the_cell(name, session):
     texts = {}
@@ -82,6 +85,7 @@ def test_rapid_signals_have_names_of_a_stated_pattern():
 
 
 @pytest.mark.parametrize("name", PASSING)
+@pytest.mark.usefixtures("by_lines")
 def test_axes_in_passing_are_logged_or_the_trace_is_named(name):
     program = sessions.continuous()
     notes = " ".join(program_notes(program, name))
@@ -95,6 +99,7 @@ def test_axes_in_passing_are_logged_or_the_trace_is_named(name):
 
 
 @pytest.mark.parametrize("name", PASSING)
+@pytest.mark.usefixtures("by_lines")
 def test_a_log_without_an_output_and_an_output_without_a_log(name):
     program = sessions.continuous()
     syncs = sum(isinstance(i, Sync) for i in program.instructions)
@@ -108,6 +113,7 @@ def test_a_log_without_an_output_and_an_output_without_a_log(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.usefixtures("by_lines")
 def test_what_cannot_be_selected_is_left_to_the_operator(name):
     notes = " ".join(program_notes(sessions.static(), name))
     text = write_program(sessions.static(), name, "s")[0].text

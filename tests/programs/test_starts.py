@@ -11,9 +11,9 @@ import tests.programs.sessions as sessions
 from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.instructions import JointMove, LogAxes, Program
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError, write_program
+from planner.programs.verification import ProgramMismatchError
 from tests.not_everywhere import nc_gcode_interpreter
-from tests.programs.reading import read_back, verify
+from tests.programs.reading import read_back, verify, write_program
 from tests.programs.test_linuxcnc import RS274, _canonical, _numbers
 
 STARTED = [name for name in dialect_names() if load_dialect(name).resume is not None]

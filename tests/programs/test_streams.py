@@ -14,8 +14,8 @@ import tests.programs.sessions as sessions
 from planner.common.errors import InputError
 from planner.programs.instructions import JointMove, Program
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError, write_program
-from tests.programs.reading import verify
+from planner.programs.verification import ProgramMismatchError
+from tests.programs.reading import verify, write_program
 
 LIMIT = (100.0, 80.0, 120.0, 200.0, 300.0, 400.0)  # [deg/s²]
 PRINTED = {"ros2-trajectory": 1.0, "lerobot": 4 * 0.5e-3 * 30.0**2}  # [deg/s²] that the rounding of angles may add

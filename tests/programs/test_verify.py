@@ -10,11 +10,10 @@ from planner.common.errors import InputError
 from planner.programs.dialect import dialects, load_dialect
 from planner.programs.instructions import JointMove, Pause, Program
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError, read_texts, write_program
-from tests.programs.reading import blends, read_back, verify
+from planner.programs.verification import ProgramMismatchError, read_texts
+from tests.programs.reading import blends, read_back, verify, write_program
 
 NAMES = [d.name for d in dialects()]
-BY_LINES = sessions.BY_LINES
 
 
 def _edited(files: tuple[ProgramFile, ...], old: str, new: str, count: int = 1) -> tuple[ProgramFile, ...]:
@@ -53,7 +52,8 @@ def test_no_text_of_a_person_gets_out_of_its_comment(name: str) -> None:
     assert all(file.text.isascii() for file in files)
 
 
-@pytest.mark.parametrize("name", BY_LINES)
+@pytest.mark.parametrize("name", sessions.TURNED_DOWN)
+@pytest.mark.usefixtures("by_lines")
 def test_an_unknown_statement_is_refused_where_only_known_ones_are_allowed(name: str) -> None:
     program = sessions.static()
     files = _edited(write_program(program, name, "a"), r"^(?=.*-60\.0000)", "QUUX 5;\n")
@@ -64,13 +64,15 @@ def test_an_unknown_statement_is_refused_where_only_known_ones_are_allowed(name:
         read_texts(load_dialect(name), texts)
 
 
-@pytest.mark.parametrize("name", BY_LINES)
+@pytest.mark.parametrize("name", sessions.TURNED_DOWN)
+@pytest.mark.usefixtures("by_lines")
 def test_an_angle_off_by_one_in_the_last_but_one_digit(name: str) -> None:
     program = sessions.static()
     _refused(program, name, _edited(write_program(program, name, "a"), r"-60\.0000", "-60.0010"), "off by 0.0010")
 
 
-@pytest.mark.parametrize("name", BY_LINES)
+@pytest.mark.parametrize("name", sessions.TURNED_DOWN)
+@pytest.mark.usefixtures("by_lines")
 def test_a_move_that_is_missing(name: str) -> None:
     program = sessions.static()
     files = _edited(write_program(program, name, "a"), r"^.*-60\.0000.*\r?\n", "")
@@ -89,7 +91,8 @@ def test_no_plan_id(name: str) -> None:
     _refused(program, name, _edited(write_program(program, name, "a"), "plan_id", "plan"), "plan_id")
 
 
-@pytest.mark.parametrize("name", BY_LINES)
+@pytest.mark.parametrize("name", sessions.TURNED_DOWN)
+@pytest.mark.usefixtures("by_lines")
 def test_dwells_and_pulses_of_another_session(name: str) -> None:
     program = sessions.static()
     kinds = {"Dwell": "dwells", "Sync": "pulses"}

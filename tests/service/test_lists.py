@@ -166,7 +166,6 @@ def add(tmp_path, serial, name, content, day):
 
 
 TODAY = date.today()
-SLIPPED = verdict_content(judged(theta3=0.0005), NAME)
 
 
 @pytest.fixture
@@ -175,7 +174,7 @@ def robots(tmp_path):
     add(tmp_path, "B-good", "good", calibration(0.01), TODAY - timedelta(3))
     add(tmp_path, "C-due", "due", calibration(0.01), TODAY - timedelta(90))
     add(tmp_path, "D-changed", "first", calibration(0.01), TODAY - timedelta(60))
-    add(tmp_path, "D-changed", "slipped", SLIPPED, TODAY - timedelta(2))
+    add(tmp_path, "D-changed", "slipped", verdict_content(judged(theta3=0.0005), NAME), TODAY - timedelta(2))
     add(tmp_path, "A-damaged", "damaged", calibration(0.01), TODAY - timedelta(3))
     document = next((tmp_path / "records/A-damaged").rglob("identification.json"))
     document.write_text(document.read_text() + " ")

@@ -19,6 +19,7 @@ import tomli_w
 from planner.cell.reading import load_cell
 from planner.kinematics.inverse_kinematics import smallest_singular_value
 from tests.command import edbb
+from tests.shipped import cells_that
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 CELLS = tuple(f"{path.parents[1].name}/{path.stem}" for path in sorted(ROBOTS.glob("*/cells/*.toml")))
@@ -29,7 +30,7 @@ SMALL = {  # keys of a smaller session
     "motion": {"measure": "static"},
 }
 VALIDATES = ("kuka-kr6-r700/tracker",)  # random poses that judge a robot, none that calibrate it
-IN_CIRCLES = tuple(name for name in CELLS if load_cell(name).sections)
+IN_CIRCLES = tuple(cells_that(lambda cell: cell.sections))
 LARGE = {"comau-nj130/paper": ("--poses", "35")}  # as its documentation plans it
 ON_DEMAND = pytest.mark.skipif(
     not os.environ.get("EDBB_ALL_TRIALS"), reason="takes half an hour with the others: only with EDBB_ALL_TRIALS=1"

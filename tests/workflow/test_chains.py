@@ -7,11 +7,11 @@ are run on demand (``EDBB_ALL_TRIALS=1``).
 
 import pytest
 
-from planner.cell.reading import load_cell
+from tests.shipped import cells_that
 from tests.workflow.chains import CELLS, ON_DEMAND, SEEDS, run_chain
 
 QUICK = ("so101/sockets",)  # whose small session is part of the tests that always run
-WITHOUT_BAR = [name for name in CELLS if not load_cell(name).has_bar()]
+WITHOUT_BAR = cells_that(lambda cell: not cell.has_bar())
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ Then a calibrated robot is checked.
 
 import pytest
 
-from planner.cell.reading import load_cell
-from tests.workflow.chains import CELLS, SEEDS, run_chain, succeed
+from tests.shipped import cells_that
+from tests.workflow.chains import SEEDS, run_chain, succeed
 
-BARS = [name for name in CELLS if load_cell(name).has_bar()]
+BARS = cells_that(lambda cell: cell.has_bar())
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner.cell.cell import Cell
-from planner.cell.reading import load_cell, shipped_cells
+from planner.cell.reading import shipped_cells
 from planner.common.errors import InputError
 from planner.common.units import MM
 from planner.motion.timing.leg_times import tool_speed
@@ -13,6 +13,7 @@ from planner.programs.dialect import dialects
 from planner.session.course import Waypoints, time_course
 from planner.session.neutral_program import session_program, write_session
 from tests.programs.test_streams import STEP, follow, largest_share
+from tests.shipped import shipped_cell
 
 STREAMS = {d.name: d for d in dialects() if d.speed.stream}
 CENTRED = ("kuka-kr6-r700/trical",)  # a routine of the controller centres its ball, which no stream can call
@@ -20,7 +21,7 @@ CENTRED = ("kuka-kr6-r700/trical",)  # a routine of the controller centres its b
 
 def _speaks(cell: str, dialect: str) -> bool:
     try:
-        axis_convention(load_cell(cell).robot, STREAMS[dialect])
+        axis_convention(shipped_cell(cell).robot, STREAMS[dialect])
     except InputError:
         return False
     return cell not in CENTRED
@@ -56,7 +57,7 @@ FIRST = {(cell.partition("/")[0], name): cell for cell, name in reversed(PAIRS)}
 )
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_followed_within_the_limits(name: str, dialect: str, seed: int) -> None:
-    cell = load_cell(name)
+    cell = shipped_cell(name)
     mounting = cell.mountings[0]
     measuring = _way(cell, seed)
     travel = Waypoints(np.vstack([cell.home, measuring.q[0]]), np.array([-1, -1]), np.zeros(2))

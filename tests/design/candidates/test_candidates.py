@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.cell.reading import load_cell, shipped_cells
+from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.sequences import sobol_points
 from planner.design.candidates.pool import Funnel, draw_candidates, explain_empty, explain_few
@@ -15,6 +15,7 @@ from planner.gauges.lines import sample_shell, shell_points
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.mount import MountMaps, drop_unreachable
+from tests.shipped import cells_that
 
 
 def cell_with(tmp_path, *changes):
@@ -27,7 +28,7 @@ def cell_with(tmp_path, *changes):
     return load_cell(str(path))
 
 
-@pytest.mark.parametrize("name", [n for n in shipped_cells() if not load_cell(n).gauge.at_balls])
+@pytest.mark.parametrize("name", cells_that(lambda cell: not cell.gauge.at_balls))
 def test_every_candidate_passes_every_filter(name):
     """Checked by plain formulas and by python-fcl's kinematics-free cousin, not by the margins that drew them."""
     cell = load_cell(name).restrict_to(FIRST_MOUNTING)
