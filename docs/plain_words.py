@@ -81,7 +81,7 @@ def count_words(sentence: str) -> int:
 
 def program_texts(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the texts of a module that a person may read, with their lines: no docstrings, keys, patterns."""
-    nodes = _nodes(path)
+    nodes = nodes_of(path)
     docstrings = {
         id(node.body[0].value)
         for node in nodes
@@ -104,14 +104,14 @@ def program_texts(path: Path) -> Iterator[tuple[int, str]]:
 
 
 @cache
-def _nodes(path: Path) -> tuple[ast.AST, ...]:
-    """Return all nodes of a module, parsed once."""
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    """Return all nodes of a module, itself first; each file is parsed once in a process."""
     return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
 
 
 def docstring_sentences(path: Path) -> Iterator[str]:
     """Yield the sentences of a module's docstrings; each attribute, argument and error begins a new one."""
-    for node in _nodes(path):
+    for node in nodes_of(path):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
             for part in re.split(r"\n\s*\n|\n(?=\s*\w+(?:, \w+)*: )", text):
                 yield from split_sentences(" ".join(part.split()))

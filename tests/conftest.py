@@ -28,7 +28,7 @@ TOGETHER = (
 )  # fmt: skip
 OF_SOURCES = (  # parse every file of the planner: once, in one process
     "tests/test_layers.py", "tests/test_planning_packages.py", "tests/wings/test_left_out.py",
-    "tests/cli/test_recommended.py",
+    "tests/cli/test_recommended.py", "tests/docs/test_plain_words.py",
 )  # fmt: skip
 SHARED = {  # what computes the same as another file
     "tests/identification/test_suitability.py": "tests/identification/test_posterior.py",

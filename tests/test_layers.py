@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import planner
+from docs.plain_words import nodes_of
 from docs.rooms_table import PAGE, rooms_table, with_table
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_frames import GaugeFrames
@@ -19,7 +20,6 @@ from planner.cell.gauge_reading import GaugeReading
 from planner.cell.gauge_session import GaugeSession
 from planner.cell.gauge_way import GaugeWay
 from planner.effects.gauge_unknowns import GaugeUnknowns
-from tests.syntax import nodes_of
 
 ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it

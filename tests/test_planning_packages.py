@@ -13,6 +13,7 @@ import pytest
 from packaging.requirements import Requirement
 
 import planner
+from docs.plain_words import nodes_of
 from planner.cell.reading import read_cell
 from planner.common.errors import MissingProgramError
 from planner.kinematics.chain import Transform
@@ -26,7 +27,6 @@ from planner.session.plan_record import part_hashes
 from planner.session.planned_session import load_session
 from planner.workflow.plan_use import export, simulate
 from tests.not_everywhere import pin
-from tests.syntax import nodes_of
 from tests.workflow.small_plan import write_small_plan
 
 ROOT = Path(planner.__file__).parent

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import planner
+from docs.plain_words import nodes_of
 from planner.cli.app import load_command, verbs
 from planner.session.evaluations import evaluation_of
-from tests.syntax import nodes_of
 
 SOURCE = Path(planner.__file__).parent
 NAMED = re.compile(r"\bedbb ([a-z]+(?:-[a-z]+)*)\b((?:(?!\bedbb )[^;:.`'\"]|\.\w|\.\.\.)*)")

@@ -5,6 +5,7 @@ import pickle
 import pytest
 
 import planner.compensation.compensated_file as compensated_file
+import planner.compensation.nominal_angles as nominal_angles
 from planner.compensation.nominal_angles import SearchSeeds
 from tests.compensation.robots import bent
 from tests.speaking import let_speak_all
@@ -27,6 +28,22 @@ def seeds_of_each_arm():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compensated_file, "SearchSeeds", seeds)
+        yield
+
+
+@pytest.fixture(scope="package", autouse=True)
+def searches_of_each_pose():
+    """Angles of the same poses of the same arm are searched for once: hundreds of programs hold the same few."""
+    kept, search = {}, nominal_angles._search
+
+    def search_once(T, shapes, seeds):
+        key = (pickle.dumps(seeds.robot), T.tobytes(), tuple(shapes))
+        if key not in kept:
+            kept[key] = search(T, shapes, seeds)
+        return tuple(array.copy() for array in kept[key])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(nominal_angles, "_search", search_once)
         yield
 
 

@@ -142,16 +142,16 @@ def test_a_simulated_run_is_identified(cell, run):
 
 def test_it_is_planned(cell, tmp_path):
     """Chosen poses show more of the robot than as many candidates at random, and no set shows more than the bound."""
-    few = replace(cell, plan=replace(cell.plan, candidates=600))
+    few = replace(cell, plan=replace(cell.plan, candidates=300))
     with quick_search():
-        plan = plan_cell(few, PlanOptions(poses=40, index="O1"), Stages())
+        plan = plan_cell(few, PlanOptions(poses=32, index="O1"), Stages())
     assert plan.choice.certificate.verified
     assert plan.choice.certificate.value >= plan.choice.on_grid_value
-    any_forty = np.random.default_rng(0).permutation(len(plan.pool))[:40]
-    rows = plan.choice.model.rows(plan.pool.take(any_forty).samples)[:, 0]
+    any_poses = np.random.default_rng(0).permutation(len(plan.pool))[:32]
+    rows = plan.choice.model.rows(plan.pool.take(any_poses).samples)[:, 0]
     singular = np.linalg.svd(rows, compute_uv=False)
-    assert plan.choice.value > 1.2 * np.exp(np.log(singular).mean()) / np.sqrt(40)
-    assert sum(v.role == "calibrate" for d in plan.drives for v in d.visits) == 40
+    assert plan.choice.value > 1.2 * np.exp(np.log(singular).mean()) / np.sqrt(32)
+    assert sum(v.role == "calibrate" for d in plan.drives for v in d.visits) == 32
     inclined = np.arcsin(cell.chain.forward(cell.robot.theta(plan.choice.samples.q)).R[2, 0])
     assert np.abs(inclined).max() < cell.gauge.range
     assert plan.programs

@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import pytest
 from playwright.sync_api import expect
 
 from tests.service.test_cell_side import PLAN, browser, needs_browser, open_page, service
@@ -10,6 +11,7 @@ from tests.service.test_cell_side import PLAN, browser, needs_browser, open_page
 FIXTURES = (browser, service)
 
 
+@pytest.mark.long  # by HTTP: test_interface; that the page is silent: test_pages_in_browser
 @needs_browser
 def test_the_folder_of_a_plan_is_sent_and_is_one_of_the_plans_from_then_on(service, browser, tmp_path):
     folder, other, faults = tmp_path / "Köln mine", tmp_path / "other", []

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from docs.plain_words import nodes_of
 from planner.cell.section_registry import section_readers
 from planner.common.commands import extension_commands
 from planner.common.extensions import GROUP
 from planner.wings import SECTIONS
 from planner.workflow.verbs import CORE, declared_calls
 from tests.golden.cases import shipped
-from tests.syntax import nodes_of
 from tests.wings import registered
 from tests.wings.installation import ROOT, WINGS, edbb_in, files_of, install_without, parts_of, run_in
 

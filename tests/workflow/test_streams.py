@@ -48,12 +48,12 @@ def _way(cell: Cell, seed: int) -> Waypoints:
     return Waypoints(np.clip(path, low + 0.01, high - 0.01), visit, blend)
 
 
-FIRST = {(cell.partition("/")[0], name): cell for cell, name in reversed(PAIRS)}  # of a robot's cells
+QUICK = (("panda/tracker", "ros2-trajectory"), ("so101/wire", "lerobot"))  # one of each language, a light arm
 
 
 @pytest.mark.parametrize(
     ("name", "dialect"),
-    [pytest.param(c, d, marks=() if FIRST[c.partition("/")[0], d] == c else pytest.mark.long) for c, d in PAIRS],
+    [pytest.param(*pair, marks=() if pair in QUICK else pytest.mark.long) for pair in PAIRS],
 )
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_followed_within_the_limits(name: str, dialect: str, seed: int) -> None:
