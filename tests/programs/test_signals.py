@@ -24,7 +24,7 @@ TOUCHES = re.compile(
 
 def _code(program: Program, name: str) -> str:
     """Return the program without its comments."""
-    texts = (f.text for f in write_program(program, name, "s"))
+    texts = (f.text for f in write_program(program, name, "a"))
     lines = (line for text in texts for line in text.splitlines())
     return "\n".join(re.sub(r"^N\d+ ", "", line) for line in lines if not re.match(r"\s*(;|!|#|--|\()", line))
 
@@ -38,7 +38,7 @@ def test_unnamed_signals_are_not_touched(name, session):
     assert TOUCHES.search(_code(named, name))
     found = TOUCHES.search(_code(unnamed, name))
     assert found is None, found
-    files = write_program(unnamed, name, "s")
+    files = write_program(unnamed, name, "a")
     assert verify(unnamed, name, files).syncs == 0
     notes = " ".join(program_notes(unnamed, name))
     assert "controller.sync_output" in notes
@@ -67,7 +67,7 @@ def test_named_signals_are_those_of_the_cell(name, session):
     texts = {}
     for output, gauge_input in ((37, 41), (38, 42)):
         program = sessions.with_controller(session(), sync_output=output, gauge_input=gauge_input)
-        text = "\n".join(f.text for f in write_program(program, name, "s"))
+        text = "\n".join(f.text for f in write_program(program, name, "a"))
         assert not [w for w in ("{output}", "{input}", "{what}", "{number}") if w in text]
         for number in (output, gauge_input):
             assert re.search(rf"(?<![\d.]){number}(?![\d.])", re.sub(r"-?\d+\.\d+", "", text)), number
@@ -89,7 +89,7 @@ def test_rapid_signals_have_names_of_a_stated_pattern():
 def test_axes_in_passing_are_logged_or_the_trace_is_named(name):
     program = sessions.continuous()
     notes = " ".join(program_notes(program, name))
-    text = write_program(program, name, "s")[0].text
+    text = write_program(program, name, "a")[0].text
     told = load_dialect(name).trace in notes
     assert told == (not load_dialect(name).logs_passing)
     if told:
@@ -104,9 +104,9 @@ def test_a_log_without_an_output_and_an_output_without_a_log(name):
     program = sessions.continuous()
     syncs = sum(isinstance(i, Sync) for i in program.instructions)
     bare = replace(program, instructions=tuple(i for i in program.instructions if not isinstance(i, LogAxes)))
-    assert read_back(name, write_program(bare, name, "s")).syncs == syncs
+    assert read_back(name, write_program(bare, name, "a")).syncs == syncs
     silent = sessions.with_controller(program, sync_output=None)
-    files = write_program(silent, name, "s")
+    files = write_program(silent, name, "a")
     assert read_back(name, files).syncs == 0
     logged = {"krl": r"PASS_\w+ \( \) PRIO", "rapid": r"PassPose \d+;"}
     assert len(re.findall(logged.get(name, "$^"), files[0].text)) == (syncs if name in logged else 0)
@@ -116,7 +116,7 @@ def test_a_log_without_an_output_and_an_output_without_a_log(name):
 @pytest.mark.usefixtures("by_lines")
 def test_what_cannot_be_selected_is_left_to_the_operator(name):
     notes = " ".join(program_notes(sessions.static(), name))
-    text = write_program(sessions.static(), name, "s")[0].text
+    text = write_program(sessions.static(), name, "a")[0].text
     by_hand = "select tool 1, base 0, load 2 by hand"
     assert (by_hand in notes) == (by_hand in text) == (name not in ("krl", "rapid"))
     assert "by hand" not in " ".join(

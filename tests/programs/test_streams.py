@@ -89,7 +89,7 @@ def _quick(program: Program, by: float) -> Program:
 @pytest.mark.parametrize("by", [1.0, 3.0, 8.0])
 def test_every_joint_keeps_its_acceleration(name: str, session, by: float) -> None:  # type: ignore[no-untyped-def]
     program = _quick(session(), by)
-    files = write_program(program, name, "s")
+    files = write_program(program, name, "a")
     assert largest_share(name, files, program.moves[0].q_deg, np.array(LIMIT)) <= 1.0
 
 
@@ -104,7 +104,7 @@ def test_no_leg_takes_less_time_than_planned_nor_much_more(name: str, session) -
             furthest = max(abs(b - a) for a, b in zip(here, item.q_deg, strict=True))
             known[k], here = replace(item, shortest_s=0.123 * furthest / 6.0), item.q_deg
     program = replace(program, instructions=tuple(known), acceleration_deg_s2=(5000.0,) * 6)
-    found = verify(program, name, write_program(program, name, "s"))
+    found = verify(program, name, write_program(program, name, "a"))
     planned = np.array([m.duration_s for m in program.moves])[1:]
     read = np.array([m.speed for m in found.moves])[1:]
     assert (read >= planned * (1.0 - 1e-6)).all()
@@ -114,7 +114,7 @@ def test_no_leg_takes_less_time_than_planned_nor_much_more(name: str, session) -
 
 def test_without_limits_the_stream_is_written_as_planned() -> None:
     for name in STREAMS:
-        verify(sessions.dense(), name, write_program(sessions.dense(), name, "s"))
+        verify(sessions.dense(), name, write_program(sessions.dense(), name, "a"))
 
 
 EDITS = [
@@ -127,7 +127,7 @@ EDITS = [
 @pytest.mark.parametrize(("name", "pattern", "new", "because"), EDITS)
 def test_an_edit_in_the_middle_of_a_stream_is_found(name: str, pattern: str, new: str, because: str) -> None:
     program = replace(sessions.dense(), acceleration_deg_s2=LIMIT)
-    first, tour, *rest = write_program(program, name, "s")
+    first, tour, *rest = write_program(program, name, "a")
     middle = len(tour.text) // 2
     text, changes = re.subn(pattern, new, tour.text[middle:], count=1)
     assert changes
@@ -140,7 +140,7 @@ def test_an_edit_in_the_middle_of_a_stream_is_found(name: str, pattern: str, new
 def test_a_stream_is_not_released_for_joints_that_accelerate_less(name: str, session) -> None:  # type: ignore[no-untyped-def]
     """The reader finds the acceleration that the follower finds, from the text alone."""
     program = _quick(session(), 3.0)
-    files = write_program(program, name, "s")
+    files = write_program(program, name, "a")
     found = verify(program, name, files).acceleration_deg_s2
     share = largest_share(name, files, program.moves[0].q_deg, np.array(LIMIT))
     assert max(a / (b + PRINTED[name]) for a, b in zip(found, LIMIT, strict=True)) == pytest.approx(share, abs=0.03)
