@@ -4,7 +4,7 @@ import argparse
 import shutil
 from pathlib import Path
 
-from planner.reproduction.page import page_markdown
+from planner.reproduction.papers_result import page_markdown
 from planner.reproduction.rows import STORED, stored_numbers
 
 PAGE = Path(__file__).with_name("papers.md")

@@ -26,10 +26,10 @@ if TYPE_CHECKING:  # for type checkers and editors
     from planner.documents.forward import forward as forward
     from planner.kinematics.robot import Robot as Robot
     from planner.kinematics.robot_reader import load_robot as load_robot
-    from planner.runs.frames import frame_of_run as frame_of_run
-    from planner.runs.frames import run_of_frame as run_of_frame
     from planner.runs.loader import load_run as load_run
     from planner.runs.run import Run as Run
+    from planner.runs.writer import frame_of_run as frame_of_run
+    from planner.runs.writer import run_of_frame as run_of_frame
     from planner.wings.names import *  # noqa: F403  (extensions say what they give)
     from planner.workflow.compensation import CompensationResult as CompensationResult
     from planner.workflow.compensation import compensate as compensate
@@ -51,9 +51,9 @@ _MODULES = {
     "documents.forward": ("forward",),
     "kinematics.robot": ("Robot",),
     "kinematics.robot_reader": ("load_robot",),
-    "runs.frames": ("frame_of_run", "run_of_frame"),
     "runs.loader": ("load_run",),
     "runs.run": ("Run",),
+    "runs.writer": ("frame_of_run", "run_of_frame"),
     "workflow.compensation": ("CompensationResult", "compensate"),
     "workflow.identification": ("CalibrationResult", "identify"),
     "workflow.many": ("identify_many", "simulate_many"),

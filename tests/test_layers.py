@@ -12,13 +12,8 @@ import pytest
 import planner
 from docs.plain_words import nodes_of
 from docs.rooms_table import PAGE, rooms_table, with_table
-from planner.cell.gauge import Gauge
-from planner.cell.gauge_frames import GaugeFrames
-from planner.cell.gauge_numbers import GaugeNumbers
-from planner.cell.gauge_reach import GaugeReach
-from planner.cell.gauge_reading import GaugeReading
-from planner.cell.gauge_session import GaugeSession
-from planner.cell.gauge_way import GaugeWay
+from planner.cell.gauge import Gauge, GaugeFrames, GaugeNumbers, GaugeReach
+from planner.cell.gauge_session import GaugeReading, GaugeSession, GaugeWay
 from planner.effects.gauge_unknowns import GaugeUnknowns
 
 ROOT = Path(planner.__file__).parent
@@ -239,7 +234,7 @@ OF_THE_PROCESS = {  # what a process keeps beside its results; ARCHITECTURE.md s
 }  # fmt: skip
 REGISTERED = {  # what modules register when they are imported
     "effects/basis.py: FUNCTIONS", "effects/catalogue.py: _REGISTRY", "cell/gauge_registry.py: _KINDS",
-    "cell/section_registry.py: _READERS", "runs/scalars.py: _SCALARS", "session/evaluations.py: _EVALUATIONS",
+    "cell/section_registry.py: _READERS", "runs/run.py: _SCALARS", "session/evaluations.py: _EVALUATIONS",
     "session/evaluations.py: _DRAWN", "workflow/plan_kinds.py: _KINDS", "common/advice.py: _ADVICE",
     "common/commands.py: _COMMANDS", "common/commands.py: _NAMES", "common/commands.py: _REMOTE",
 }  # fmt: skip

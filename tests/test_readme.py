@@ -9,7 +9,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.centring.settings import read_settings
-from planner.circular.circle import circles_of
+from planner.circular.plan import circles_of
 from planner.common.errors import InputError
 from planner.compensation.compensated_file import compensate_file
 from planner.runs.loader import load_run

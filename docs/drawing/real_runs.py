@@ -12,9 +12,8 @@ from unittest.mock import patch
 import numpy as np
 
 import planner.identification.pipeline as pipeline
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, MeasurementSetup, Targets
 from planner.cell.reading import load_cell
-from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.units import MM, Array, to_mm
 from planner.documents.calibrated_robot import CalibratedRobot
 from planner.documents.calibration import Calibration

@@ -8,10 +8,9 @@ import numpy as np
 from planner.accuracy.assumptions import FRAMES
 from planner.cell.cell import Cell
 from planner.cell.places import nests_frame
-from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
 from planner.common.summary import Summary
-from planner.common.units import UM, Array, in_units, read_only, to_mm
+from planner.common.units import UM, Array, in_units, mean_by_group, read_only, to_mm
 from planner.model.model import Model
 from planner.runs.run import NO_REFERENCE_READINGS, ReferenceReadings, Run
 from planner.session.document import read_plan

@@ -12,8 +12,8 @@ from planner.cell.places import nests_frame
 from planner.common.errors import InputError
 from planner.common.units import Array, to_deg, to_mm
 from planner.documents.calibrated_robot import CalibratedRobot
-from planner.gauges.placement.flange_poses import FlangePoses
 from planner.gauges.placement.frames import are_collinear, place_frames
+from planner.gauges.placement.solver import FlangePoses
 from planner.kinematics.geometry import registration, skew
 from planner.kinematics.robot import Loads, Robot
 from planner.kinematics.robot_reader import load_robot

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
-from planner.common.arrays import Rows
-from planner.common.units import Array
+from planner.common.units import Array, Rows
 from planner.kinematics.bodies import Body, Vector
 from planner.runs.run import Mounting
 

@@ -11,8 +11,7 @@ from typing import Self, TypeVar
 
 import numpy as np
 
-from planner.common.arrays import Rows
-from planner.common.units import Array
+from planner.common.units import Array, Rows
 from planner.kinematics.chain import Chain
 from planner.kinematics.robot import BASE_TRANSFORMS, Robot
 from planner.runs.run import Samples

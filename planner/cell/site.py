@@ -22,9 +22,8 @@ from planner.cell.parts import (
     Tool,
 )
 from planner.cell.section_content import SectionContent
-from planner.common.arrays import CACHED_ROWS
 from planner.common.errors import InputError
-from planner.common.units import Array
+from planner.common.units import CACHED_ROWS, Array
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain, xyz_transforms
 from planner.kinematics.geometry import bar_state

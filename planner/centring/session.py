@@ -11,8 +11,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.centring.indicators import Indicators, read_settled_indicators
-from planner.centring.journal import Journal, JournalRow, journal_path, open_journal
-from planner.centring.path import BallVisit, PlannedPath, read_planned_path
+from planner.centring.journal import (
+    BallVisit,
+    Journal,
+    JournalRow,
+    PlannedPath,
+    journal_path,
+    open_journal,
+    read_planned_path,
+)
 from planner.centring.procedure import CentredBall, centre_ball, check_free
 from planner.centring.robot_link import RobotLink
 from planner.centring.settings import CentringSettings

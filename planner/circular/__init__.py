@@ -1,3 +1,3 @@
 """Circular tests in the manner of ISO 230-4: planned, driven, evaluated."""
 
-__all__ = ["circle", "configurations", "document", "evaluation", "figures", "plan", "planning"]
+__all__ = ["configurations", "document", "evaluation", "figures", "plan", "planning"]

@@ -11,7 +11,7 @@ from scipy.stats import qmc
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.circular.assumptions import DRIVABLE
-from planner.circular.circle import Circle
+from planner.circular.plan import Circle
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, to_deg, to_mm
 from planner.kinematics.geometry import bar_state

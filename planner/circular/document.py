@@ -8,12 +8,12 @@ import numpy as np
 from pydantic import Field
 
 from planner.cell.cell import Cell
-from planner.circular.circle import circles_of
 from planner.circular.plan import (
     Arc,
     CircularDrive,
     CircularPass,
     CircularPlan,
+    circles_of,
     circular_course,
     drive_arc,
     measured_passes,
@@ -23,17 +23,18 @@ from planner.common.errors import InputError
 from planner.common.schema import OneLine, PartialModel, read_json, validate
 from planner.common.units import MM, from_deg, round_angles, to_deg, to_mm
 from planner.runs.run import Mounting
-from planner.session.course import time_path
 from planner.session.document import (
     MOST_BLEND_MM,
     JointDeg,
+    PathRecord,
     PlanHeader,
+    ProgramRecord,
     TrajectoryRecord,
     WaypointRecord,
     read_waypoints,
 )
-from planner.session.document_parts import PathRecord, ProgramRecord
 from planner.session.plan_record import fill_document, origin_record, verdict_records, waypoint_records
+from planner.session.plan_types import time_path
 from planner.session.planned_session import check_continuity, integrity_notes, read_cell_beside
 
 

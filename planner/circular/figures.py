@@ -8,8 +8,7 @@ from scipy.optimize import linprog
 
 from planner.circular.assumptions import REVERSAL
 from planner.circular.sweeps import MeasuredCircle, Sweep
-from planner.common.arrays import mean_by_group
-from planner.common.units import Array, read_only
+from planner.common.units import Array, mean_by_group, read_only
 
 
 @dataclass(frozen=True)

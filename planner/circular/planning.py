@@ -7,7 +7,6 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.circular.assumptions import DRIVABLE
-from planner.circular.circle import Circle, circles_of
 from planner.circular.configurations import (
     COARSE_STEP,
     ArmPaths,
@@ -19,9 +18,11 @@ from planner.circular.configurations import (
 from planner.circular.document import circular_record
 from planner.circular.plan import (
     Arc,
+    Circle,
     CircularDrive,
     CircularPass,
     CircularPlan,
+    circles_of,
     circular_course,
     drive_arc,
     measured_passes,

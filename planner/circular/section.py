@@ -12,7 +12,7 @@ from planner.cell.file import CellFile
 from planner.cell.places import unit_vector
 from planner.cell.reading import gauge_class
 from planner.cell.sections import SectionReader
-from planner.circular.circle import Circle, CircleDirection, CirclePlane, Circles
+from planner.circular.plan import Circle, CircleDirection, CirclePlane, Circles
 from planner.common.errors import InputError, did_you_mean
 from planner.common.schema import PositiveFloat, StrictModel
 from planner.common.units import MM, MM_PER_MIN, from_deg, from_mm, read_only

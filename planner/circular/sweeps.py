@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.circular.assumptions import SWEEP
-from planner.circular.circle import NEAR_CIRCLE, Circle, CircleAtFixture, circles_of
+from planner.circular.plan import NEAR_CIRCLE, Circle, CircleAtFixture, circles_of
 from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.kinematics.geometry import bar_state

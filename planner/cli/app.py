@@ -39,7 +39,7 @@ WRITTEN = {  # of the core, not declared: the function of the command line, and 
     ),
 }
 WITH_MORE = {  # of the core, declared, and more than that happens, or is typed, on the command line: the function
-    "export": "planner.cli.plan_commands:export_command",
+    "export": "planner.cli.calibration_commands:export_command",
     **{n: f"planner.cli.calibration_commands:{n}_command" for n in ("simulate", "import", "compensate")},
 }
 

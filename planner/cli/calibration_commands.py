@@ -1,28 +1,35 @@
-"""The commands that write one file (simulate, import, compensate)."""
+"""The commands that write one file (simulate, import, compensate).
+
+The command export: what is typed there beside what its verb declares.
+"""
 
 import re
+import sys
 from pathlib import Path
 
 import typer
 
-from planner.cli.declared import Values, declare_command
-from planner.cli.default_output import new_file, new_folder_of_files
+from planner.cli.declared import Values, declare_command, new_file, new_folder_of_files
 from planner.cli.terminal import (
     Manner,
     OutputFile,
     Screen,
     check_file,
+    errors,
     evaluation_step,
     give_file,
+    print_next,
     print_notes,
+    results,
     screen_of,
 )
 from planner.common.calls import find_function
 from planner.common.console import as_word
 from planner.common.errors import PARTLY_DONE, InputError
+from planner.common.files import is_folder
 from planner.common.summary import SCREEN_LINES, fact_lines
 from planner.workflow.compensate_call import AXES, CompensateCall
-from planner.workflow.plan_use_calls import ImportCall, SimulateCall
+from planner.workflow.core_calls import ExportCall, ImportCall, SimulateCall
 
 FILE = (OutputFile, None)
 
@@ -82,3 +89,30 @@ def _axes(text: str) -> tuple[int, ...]:
 simulate_command = declare_command(SimulateCall, _simulate, new_file(".csv"), output=FILE)
 import_command = declare_command(ImportCall, _import, new_file(".csv"), output=FILE)
 compensate_command = declare_command(CompensateCall, _compensate, new_folder_of_files, output=FILE)
+
+
+def _export(values: Values, output: str, manner: Manner) -> None:
+    check_file(output, manner.force, into_folder=True)
+    in_folder = is_folder(output)
+    name = "-" if output == "-" or in_folder else Path(output).name
+    with Screen():
+        made = find_function(ExportCall)(**values, name=name)
+    if output == "-":
+        if len(made.programs) > 1:
+            names = ", ".join(f.name for f in made.programs)
+            raise InputError(
+                f"dialect '{values['dialect']}' writes {len(made.programs)} files ({names}); give a file name with -o"
+            )
+        sys.stdout.write(made.programs[0].text)
+        return
+    if in_folder:
+        Path(output).mkdir(parents=True, exist_ok=True)
+        output = str(Path(output) / made.programs[0].name)
+    for note in made.notes:
+        errors.print(note)
+    said = made.write(output, manner.force)
+    results.print("\n".join([*fact_lines([("written to", output)]), *said]))
+    print_next(f"run {output}, measure; {evaluation_step('run.csv', values['plan'])}")
+
+
+export_command = declare_command(ExportCall, _export, new_folder_of_files, output=(OutputFile, None))

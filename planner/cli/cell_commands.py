@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.default_output import file_of
+from planner.cli.declared import file_of
 from planner.cli.terminal import (
     PLAINLY,
     Json,
@@ -246,8 +246,15 @@ def measure_command(
     after: After = None,
 ) -> None:
     """Read a bar or wire at each pose of a plan, by a serial port or by what a person types, and write the run."""
-    from planner.centring.live_gauge import STREAM, LiveGauge, open_log
-    from planner.centring.live_session import Adviser, MeasuringSession, NoAdvice, program_remark
+    from planner.centring.live_session import (
+        STREAM,
+        Adviser,
+        LiveGauge,
+        MeasuringSession,
+        NoAdvice,
+        open_log,
+        program_remark,
+    )
     from planner.centring.settings import find_protocol
     from planner.common.units import from_mm
     from planner.session.planned_session import load_session

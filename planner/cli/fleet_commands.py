@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.default_output import new_file
+from planner.cli.declared import new_file
 from planner.cli.terminal import (
     PLAINLY,
     Json,

@@ -19,7 +19,7 @@ from planner.cli.terminal import Screen, check_file, check_folder, environment_t
 from planner.common.errors import InputError, MissingProgramError
 from planner.common.files import is_folder, is_new_folder, write_bytes, write_together
 from planner.common.result_folder import MANIFEST, draft_folder, move_all
-from planner.compensation.module_files import other_program_files
+from planner.compensation.languages import other_program_files
 from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.session.movable_cell import cell_files
 

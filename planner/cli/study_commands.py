@@ -6,8 +6,7 @@ from typing import Annotated
 import typer
 
 from planner.cell.declared import CELL
-from planner.cli.declared import Values, declare_command
-from planner.cli.default_output import new_folder
+from planner.cli.declared import Values, declare_command, new_folder
 from planner.cli.terminal import Json, Manner, Output, give
 from planner.common.calls import find_function
 from planner.common.errors import InputError

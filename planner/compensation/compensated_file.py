@@ -21,13 +21,21 @@ from planner.compensation.file_axes import FlangeInAxes, axes_notes, axes_of_fil
 from planner.compensation.foreign_languages import refuse_foreign_language
 from planner.compensation.languages import (
     add_head,
+    are_one_program,
     check_reach,
     detect_dialect,
+    files_together,
     foreign_robot_notes,
+    global_targets,
     read_targets,
 )
-from planner.compensation.module_files import are_one_program, files_together, global_targets
-from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
+from planner.compensation.nominal_angles import (
+    SearchSeeds,
+    problems_summary,
+    solve_nominal_angles,
+    target_problems,
+    turn_notes,
+)
 from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.program_text import read_program
 from planner.compensation.report import CompensationReport, read_printed_angles, report_of
@@ -42,7 +50,6 @@ from planner.compensation.targets import (
     list_lines,
 )
 from planner.compensation.tolerances import SAME, SHAPE_BORDER
-from planner.compensation.unmet_targets import problems_summary, target_problems, turn_notes
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.robot import Robot
 from planner.programs.languages.statements import Slot, write_values

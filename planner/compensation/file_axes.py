@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.compensation.correction import FlangeModel
-from planner.compensation.module_files import TABLE
+from planner.compensation.languages import TABLE
 from planner.compensation.targets import Note
 from planner.kinematics.axes import MODEL, AxisConvention
 from planner.kinematics.axes_line import KEY, axes_lines

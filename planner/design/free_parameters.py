@@ -5,8 +5,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from planner.cell.cell import Cell
-from planner.cell.setup import MeasurementSetup, setup_of
+from planner.cell.cell import Cell, MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import UM, Array, to_mm
 from planner.design.assumptions import HIGHEST_GEAR_WAVE, POSES_OF_AN_OPEN_PLAN, UNMEASURED_TOOL_PRIOR

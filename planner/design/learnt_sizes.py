@@ -10,14 +10,27 @@ with ν degrees of freedom about the size that such errors usually have (Gelman 
     s² = (ν s₀² + Σ (m_i² + c_i)) / (ν + n)
 
 in which what was not seen has c_i = s², and pulls nowhere.
+
+What some readings leave of the tool's error in a linear model, the sizes of its errors learnt from these readings.
+
+Everything is asked of a set of readings, of which only those that were taken have taught the sizes: so further ones are
+foreseen by the sizes as known now.
+
+What further readings are likely to leave of the tool's error, where sizes are learnt from the readings themselves.
+
+While few readings are taken the size of a family is an average over robots in which it acts and many in which it does
+not. Further readings tell these apart, so the sizes shrink on most robots. Foreseen with the sizes as they stand now, a
+session would seem to need many more readings than it does.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from planner.common.units import Array
+from planner.design.expected_errors import limit_of_sum
 from planner.model.linear_gaussian import LinearGaussian
 
 TRUST = 4.0  # [errors seen] that a usual size counts for: it is good to a factor of about two (1/sqrt(2 ν) of ln s)
@@ -214,3 +227,146 @@ def learn_sizes(value: Array, std: Array, family: np.ndarray, count: int) -> Lea
     own = square[family]
     seen = np.bincount(family, (own / (own + std**2)) ** 2, minlength=count)
     return LearntSizes(np.asarray(np.sqrt(square)), np.asarray(seen, dtype=float))
+
+
+@dataclass
+class LearntPosterior:
+    """A linear model whose errors belong to families of sizes that are learnt.
+
+    Attributes:
+        white: Jacobian of all readings that may be taken, (n, P). A row is divided by the reading's standard deviation,
+            a column multiplied by the usual size of its error.
+        root: R, (P, r), with which R Rᵀ maps squared errors to the mean square error of the tool [m²].
+        families: which errors share a size.
+        learnt: what the readings taken say.
+    """
+
+    white: Array
+    root: Array
+    families: Families
+    learnt: LearntErrors
+
+    def __post_init__(self) -> None:
+        self._weigh()
+
+    def _weigh(self) -> None:
+        """Take the sizes as they are learnt into what is known before any reading."""
+        root = self.root * self.size[:, None]
+        self._before: Array = root.T @ root  # before any reading, with the sizes as learnt; asked for many sets
+
+    @classmethod
+    def of(cls, white: Array, weight: Array, families: Families) -> "LearntPosterior":
+        """Return the posterior before any reading; errors e (P,) make the tool's square error eᵀ ``weight`` e [m²]."""
+        return cls(white, root_of(weight), families, LearntErrors.usual(white.shape[1], len(families)))
+
+    @property
+    def size(self) -> Array:
+        """Sizes of the errors over the usual ones, (P,)."""
+        return np.asarray(self.learnt.factors[self.families.number])
+
+    def learn(self, taken: Sequence[int], off: Array) -> None:
+        """Learn from readings ``taken``, less what was expected of them, in standard deviations, (k,)."""
+        self.learnt = learn_errors(self.white[list(taken)], off, self.families)
+        self._weigh()
+
+    def spread_of(self, reading: int, taken: Sequence[int]) -> float:
+        """Return the variance of a reading that is expected after those ``taken``, its noise included, in its own."""
+        own = self.white[[reading]]
+        left = (own * self.size) @ (own * self.size).T - self.model(taken).reduction(own)
+        return self.learnt.noise**2 + float(max(left[0, 0], 0.0))
+
+    def model(self, which: Sequence[int]) -> LinearGaussian:
+        """Return the linear model of some readings, with the sizes and the noise as learnt."""
+        white = self.white[list(which)]
+        return LinearGaussian(white, self.size, np.full(len(white), self.learnt.noise))
+
+    def remaining_error(self, which: Sequence[int]) -> Array:
+        """Return the matrix whose trace is the mean square error of the tool after some readings, (r, r) [m²].
+
+        It is Rᵀ C R, with R the root of the weight and C the covariance that the readings leave.
+        """
+        return np.asarray(self._before - self.model(which).reduction(self.root.T))
+
+    def square(self, which: Sequence[int]) -> float:
+        """Return the mean square error of the tool after some readings [m²]."""
+        return float(np.trace(self.remaining_error(which))) * float(np.exp(2.0 * self.families.doubt**2))
+
+    def square_error_limit(self, which: Sequence[int]) -> float:
+        """Return the square that 95 of 100 such robots stay below after some readings [m²]."""
+        values = np.maximum(np.linalg.eigvalsh(self.remaining_error(which))[::-1], 0.0)
+        most = 60  # values that vary; the small ones that are left count as certain
+        return limit_of_sum(values[:most], float(values[most:].sum()), self.families.doubt)
+
+
+def root_of(weight: Array) -> Array:
+    """Return a root (P, r) of a symmetric matrix, without what adds nothing to its trace."""
+    values, axes = np.linalg.eigh(weight)
+    kept = values > 1e-9 * values.sum()
+    return np.asarray(axes[:, kept] * np.sqrt(values[kept]))
+
+
+@dataclass(frozen=True)
+class LearntForesight:
+    """The posterior as it is likely to be after some of the readings that may follow.
+
+    The readings that may follow are drawn once, of a robot whose families have their typical sizes, and the sizes are
+    learnt from them all. In between, the logarithm of a size goes evenly with the logarithm of the number of readings.
+
+    Attributes:
+        now: what the readings taken say.
+        taken: these, then those that may follow, in their order.
+        count: how many are taken.
+        factors: sizes of the families once all are taken, (F,).
+        noise: of a reading then, over the one that is declared.
+    """
+
+    now: LearntPosterior
+    taken: tuple[int, ...]
+    count: int
+    factors: Array
+    noise: float
+
+    @classmethod
+    def of(cls, now: LearntPosterior, taken: Sequence[int], off: Array, more: Sequence[int]) -> "LearntForesight":
+        """Return the foresight after readings ``taken`` with the deviations ``off`` (k,) when ``more`` may follow."""
+        every = (*taken, *more)
+        if not more:
+            return cls(now, every, len(taken), now.learnt.factors, now.learnt.noise)
+        drawn = np.append(off, draw_readings(now, taken, off, more))
+        then = learn_errors(now.white[list(every)], drawn, now.families, now.learnt)
+        return cls(now, every, len(taken), then.factors, then.noise)
+
+    def after(self, more: int) -> LearntPosterior:
+        """Return the posterior that is expected after so many of the readings that may follow."""
+        if more == 0:
+            return self.now
+        learnt, first = self.now.learnt, self.count + 1  # 1: the usual sizes are known before any reading
+        share = np.log((first + more) / first) / np.log((1 + len(self.taken)) / first)
+        now, then = (np.log(np.maximum(f, 1e-6)) for f in (learnt.factors, self.factors))  # 1e-6: of none
+        noise = learnt.noise * (self.noise / learnt.noise) ** share
+        sizes = replace(learnt, factors=np.exp(now + share * (then - now)), noise=float(noise))
+        return replace(self.now, learnt=sizes)
+
+    def square(self, more: int) -> float:
+        """Return the mean square error of the tool [m²] that is expected after so many more."""
+        return self.after(more).square(self.taken[: self.count + more])
+
+    def square_error_limit(self, more: int) -> float:
+        """Return the square [m²] that 95 of 100 such robots are expected to stay below after so many more."""
+        return self.after(more).square_error_limit(self.taken[: self.count + more])
+
+
+def draw_readings(now: LearntPosterior, taken: Sequence[int], off: Array, more: Sequence[int]) -> Array:
+    """Draw readings ``more`` [standard deviations] of a robot of typical sizes that agrees with those taken, (m,).
+
+    Errors are drawn before any reading and then moved by what the readings differ from those drawn (Matheron's rule;
+    Journel and Huijbregts 1978, Mining Geostatistics).
+    """
+    seed = 5  # fixed: the same readings foresee the same
+    rng = np.random.default_rng(seed)
+    size, noise = now.learnt.typical[now.families.number], now.learnt.noise
+    errors = size * rng.standard_normal(len(size))
+    seen, ahead = now.white[list(taken)], now.white[list(more)]
+    gap = off - seen @ errors - noise * rng.standard_normal(len(off))
+    errors = errors + LinearGaussian(seen, size, np.full(len(seen), noise)).mean(gap)
+    return np.asarray(ahead @ errors + noise * rng.standard_normal(len(ahead)))

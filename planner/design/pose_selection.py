@@ -32,8 +32,7 @@ from planner.design.selection.certificate import Certificate
 from planner.design.selection.d_optimal import EqualShares, detmax
 from planner.design.selection.index_bound import certify_bound, price_candidates
 from planner.design.selection.index_criterion import index_of_information
-from planner.design.selection.index_curves import BackgroundCurve
-from planner.design.selection.index_search import exchange_poses
+from planner.design.selection.index_search import BackgroundCurve, exchange_poses
 from planner.design.selection.matrix_forms import information_matrix
 from planner.design.selection.pruning import PrunedPoses
 from planner.model.model import Model

@@ -9,9 +9,9 @@ from pathlib import PurePath
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from planner.cell.cell import MeasurementSetup
 from planner.cell.parts import STANDARD_GRAVITY
 from planner.cell.placement import N_BASE_TRANSFORMS, RobotSetup
-from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel
 from planner.common.units import Array, read_only

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from planner.cell.setup import MeasurementSetup
+from planner.cell.cell import MeasurementSetup
 from planner.common.units import Array, to_deg
 from planner.design.observability.identifiability import DroppedParameter
 from planner.fit.assumptions import COUNTED

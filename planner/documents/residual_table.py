@@ -7,8 +7,7 @@ import numpy as np
 from planner.common.lazy_modules import pl
 from planner.common.units import Array, to_deg, to_mm
 from planner.documents.calibration import Calibration
-from planner.runs.run import Run
-from planner.runs.scalars import ScalarReadings
+from planner.runs.run import Run, ScalarReadings
 
 DECIMALS = 7  # of a millimetre or degree: far below any gauge
 

@@ -9,8 +9,8 @@ from importlib import import_module
 
 import numpy as np
 
+from planner.cell.cell import MeasurementSetup
 from planner.cell.placement import N_BASE_TRANSFORMS
-from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError, did_you_mean
 from planner.common.extensions import is_defined_again, load_extensions

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.cell.setup import MeasurementSetup
+from planner.cell.cell import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction, EffectVariable, Times
 from planner.effects.catalogue import Background, Excitation, register

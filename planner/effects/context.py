@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from planner.cell.cell import MeasurementSetup
 from planner.cell.placement import RobotSetup
-from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.kinematics.chain import Chain, ForwardPass, Transform
 from planner.kinematics.geometry import BarState, bar_state

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from planner.cell.cell import MeasurementSetup
 from planner.cell.placement import N_BASE_TRANSFORMS, Placement
-from planner.cell.setup import MeasurementSetup
 from planner.common.units import DEG, MM, UM, Array, display_unit, si_unit
 from planner.effects.basis import ONE, AtPoint, BasisFunction
 from planner.kinematics.robot import Robot

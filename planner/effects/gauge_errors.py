@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from planner.cell.setup import MeasurementSetup
+from planner.cell.cell import MeasurementSetup
 from planner.common.units import Array, to_mm
 from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import CONTINUOUS_RUN, Background, Excitation, register

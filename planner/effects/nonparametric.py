@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from planner.cell.setup import MeasurementSetup
+from planner.cell.cell import MeasurementSetup
 from planner.common.units import TURN, Array
 from planner.effects.catalogue import Excitation, register
 from planner.effects.effect import Effect, Parameter, Role, joint_place, transform_move

@@ -8,8 +8,8 @@ not.
 from collections.abc import Iterator
 from dataclasses import replace
 
+from planner.cell.cell import MeasurementSetup
 from planner.cell.placement import FREEABLE
-from planner.cell.setup import MeasurementSetup
 from planner.common.units import DEG, MM
 from planner.effects.catalogue import Background, Excitation, register
 from planner.effects.effect import Effect, Parameter, Place, Role

@@ -6,14 +6,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, MeasurementSetup
 from planner.cell.placement import N_BASE_TRANSFORMS
 from planner.cell.places import placed_frame
-from planner.cell.setup import MeasurementSetup
 from planner.common.units import DEG, MM, Array
 from planner.fit.assumptions import FRAME_SIGMAS, NEAR_DECLARED, NEAR_DECLARED_TURN
 from planner.fit.least_squares import Fit
-from planner.gauges.placement.flange_poses import LOCATED_TURN_SIGMA
+from planner.gauges.placement.solver import LOCATED_TURN_SIGMA
 from planner.model.gauge_frames import FixturePosition, GaugeFrames, PlacePose, ToolPointPosition, Vector
 from planner.model.identification_document import Estimate
 

@@ -8,7 +8,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from planner.cell.setup import MeasurementSetup
+from planner.cell.cell import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.basis import ONE, Times
 from planner.effects.effect import ParameterMove, tool_point_parameters

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, MeasurementSetup
 from planner.cell.placement import FREEABLE
-from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.design.free_parameters import (

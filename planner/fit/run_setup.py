@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, MeasurementSetup, setup_of
 from planner.cell.file import FIRST_POINT
-from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError
 from planner.common.units import MM, Array
-from planner.gauges.placement.flange_poses import LOCATED_SIGMA, index_in_cell
+from planner.gauges.placement.solver import LOCATED_SIGMA, index_in_cell
 from planner.runs.joint_motion import joint_speeds, last_reversals
 from planner.runs.run import Run, Samples
 

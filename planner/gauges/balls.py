@@ -15,8 +15,8 @@ from planner.cell.site import Site
 from planner.common.errors import InputError
 from planner.common.units import Array, IntArray, read_only, to_mm
 from planner.gauges.frame_gauge import FrameGauge
-from planner.gauges.placement.flange_poses import flange_poses, index_in_cell
-from planner.gauges.placement.sockets import SocketPlacement, place_sockets
+from planner.gauges.placement.frames import SocketPlacement, place_sockets
+from planner.gauges.placement.solver import flange_poses, index_in_cell
 from planner.kinematics.geometry import pose
 from planner.runs.run import Readings, Run, Samples
 

@@ -26,9 +26,9 @@ from planner.effects.effect import Effect, Parameter, ParameterMove, reading_mov
 from planner.effects.gauge_errors import LENGTH_ERRORS, LengthLag
 from planner.effects.gauge_unknowns import GaugeUnknowns
 from planner.gauges.bar_checklist import LOADED, BarChecklist
-from planner.gauges.lines import LineGauge
-from planner.gauges.placement.flange_poses import LOCATED_SIGMA, LOCATED_TURN_SIGMA, flange_poses, index_in_cell
+from planner.gauges.frame_gauge import LineGauge
 from planner.gauges.placement.lengths import place_lengths
+from planner.gauges.placement.solver import LOCATED_SIGMA, LOCATED_TURN_SIGMA, flange_poses, index_in_cell
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.geometry import bar_state

@@ -9,10 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, MeasurementSetup
 from planner.cell.gauge_types import LeftStanding
 from planner.cell.placement import P, Placement
-from planner.cell.setup import MeasurementSetup
 from planner.cell.site import Site
 from planner.common.units import Array
 from planner.effects.basis import AtPlace

@@ -19,8 +19,8 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, from_mm, read_only, to_mm
 from planner.effects.effect import Parameter, transform_move
 from planner.gauges.frame_gauge import FrameGauge
-from planner.gauges.placement.flange_poses import flange_poses
 from planner.gauges.placement.frames import FramePlacement, are_collinear, place_frames
+from planner.gauges.placement.solver import flange_poses
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
 from planner.kinematics.geometry import small_log3

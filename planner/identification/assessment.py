@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.summary import Aside
 from planner.common.system import give_back_memory
-from planner.common.units import MM, Array
+from planner.common.units import MM, Array, mean_by_group
 from planner.design.observability.information import r_factor
 from planner.documents.calibration import (
     Calibration,

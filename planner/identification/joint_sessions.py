@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, setup_of
 from planner.cell.parts import Fixture, ToolPoint
-from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.common.units import Array
-from planner.gauges.placement.flange_poses import index_in_cell
+from planner.gauges.placement.solver import index_in_cell
 from planner.gauges.several_lengths import SessionGauge, SeveralLengths, standing_lengths
 from planner.runs.loader import join_runs
 from planner.runs.run import Run

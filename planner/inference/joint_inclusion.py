@@ -8,8 +8,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpotri
 
-from planner.common.arrays import mirror_lower
-from planner.common.units import Array
+from planner.common.units import Array, mirror_lower
 from planner.inference.comparison_columns import Block
 from planner.inference.family_gains import padded_width
 

@@ -24,9 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
-from planner.common.units import Array
+from planner.common.units import Array, mean_by_group
 from planner.effects.context import Context
 from planner.fit.assumptions import (
     COUNTED,

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.cell.cell import MeasurementSetup
 from planner.cell.placement import N_BASE_TRANSFORMS
-from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, catalogue, effect_kinds, registration_of
 from planner.effects.drift_shapes import IN_TIME, drift_shapes

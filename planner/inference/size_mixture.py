@@ -7,9 +7,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri, dtrtri
 
-from planner.common.arrays import mirror_lower
 from planner.common.determinism import with_fixed_signs
-from planner.common.units import Array
+from planner.common.units import Array, mirror_lower
 
 EACH = 32  # robots drawn with each of the sizes: what 95 % of all stay below then scatters by 3 %, by 8 each 6 %
 

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from planner.cell.placement import Targets
-from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.progress import StageReport
-from planner.common.units import MM, Array
+from planner.common.units import MM, Array, mean_by_group
 from planner.effects.context import Context
 from planner.effects.effect import Parameter
 from planner.fit.assumptions import GAIN_STANDARD_ERRORS, TOO_FEW_READINGS

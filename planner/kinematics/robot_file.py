@@ -10,9 +10,9 @@ from planner.common.units import DEG, MM, from_deg, from_mm, read_only, to_mm
 from planner.kinematics.angle_units import radians_text
 from planner.kinematics.axes import ControllerTable
 from planner.kinematics.bodies import LinkBodyFile, Vector
+from planner.kinematics.calibration_files import LENGTHS, ROW_KEYS, LoadsTable, RobotEffectTable, ToolPointTable
 from planner.kinematics.robot import LinkMass, Priors
 from planner.kinematics.robot_numbers import LinkMassKg, PayloadKg, ReachMm, RepeatabilityMm
-from planner.kinematics.robot_tables import LENGTHS, ROW_KEYS, LoadsTable, RobotEffectTable, ToolPointTable
 from planner.kinematics.urdf import UrdfJoint
 
 SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a file leaves them unsaid

@@ -12,7 +12,16 @@ from planner.common.files import data_folder
 from planner.common.schema import read_toml, read_toml_again, validate
 from planner.common.units import DEG, MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.axes import AxisConvention, JointRange, convention_from_table
-from planner.kinematics.calibration_files import robot_of_differences, row_differences
+from planner.kinematics.calibration_files import (
+    LENGTHS,
+    ROW_KEYS,
+    effects_from_tables,
+    loads_from_table,
+    nominal_from_table,
+    read_dh_table,
+    robot_of_differences,
+    row_differences,
+)
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel
 from planner.kinematics.packages import COMMAND_PACKAGES, NO_PACKAGES, Packages, named_packages
 from planner.kinematics.parallel_axes import shorten_offsets
@@ -20,14 +29,6 @@ from planner.kinematics.robot import SLIDE, Robot
 from planner.kinematics.robot_file import SPEED_TIME, JointTable, RobotDescription
 from planner.kinematics.robot_hash import with_hand_edits
 from planner.kinematics.robot_numbers import check_joint_limits, check_reach
-from planner.kinematics.robot_tables import (
-    LENGTHS,
-    ROW_KEYS,
-    effects_from_tables,
-    loads_from_table,
-    nominal_from_table,
-    read_dh_table,
-)
 from planner.kinematics.srdf import numbered_pairs, read_allowed_pairs
 from planner.kinematics.urdf import SHAPELESS, UrdfChain, is_urdf, plain_name, read_urdf
 
@@ -387,14 +388,10 @@ def _limit_or_infinity(joints: tuple[JointTable, ...], key: str) -> Array:
 
 def _with_travel(rows: tuple[Transform, ...], limits: JointRange, A: Array, zero: Array) -> tuple[Transform, ...]:
     """Return the rows, those of joints that slide with how far they travel."""
-    ends = np.array([A @ _finite_ends(end) + zero for end in (limits.lower, limits.upper)])
+    ends = np.array([A @ np.where(np.isfinite(end), end, 0.0) + zero for end in (limits.lower, limits.upper)])
     travel = np.abs(ends).max(axis=0)
     slides = (t.kind == "translation" and t.joint is not None for t in rows)
     return tuple(
         replace(t, travel=float(travel[t.joint])) if s and t.joint is not None else t
         for t, s in zip(rows, slides, strict=True)
     )
-
-
-def _finite_ends(ends: Array) -> Array:
-    return np.where(np.isfinite(ends), ends, 0.0)

@@ -12,16 +12,16 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import tomli_w
 
-from planner.common.content_hashes import HASHES
 from planner.common.file_names import name_fault
 from planner.common.files import read_utf8
+from planner.common.object_hashes import HASHES
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
+from planner.kinematics.calibration_files import ROW_KEYS, nominal_key
 from planner.kinematics.chain import Transform, is_of_link_before
 from planner.kinematics.geometry import log3, rpy_of
 from planner.kinematics.robot import Loads, Robot, RobotEffect, ToolPoint, elementary_placement
 from planner.kinematics.robot_hash import robot_hashes
 from planner.kinematics.robot_reader import describe_robot
-from planner.kinematics.robot_tables import ROW_KEYS, nominal_key
 from planner.kinematics.urdf import is_urdf
 from planner.kinematics.urdf_writer import find_meshes, write_urdf
 

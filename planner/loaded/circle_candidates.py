@@ -10,12 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import qmc
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, MeasurementSetup, setup_of
 from planner.cell.reading import cell_of
 from planner.cell.sections import cell_file_of
-from planner.cell.setup import MeasurementSetup, setup_of
-from planner.circular.circle import Circle, CirclePlane, circles_of
 from planner.circular.configurations import follow_poses, rotated_orientations
+from planner.circular.plan import Circle, CirclePlane, circles_of
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, read_only, to_mm

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.cell.setup import MeasurementSetup
-from planner.circular.circle import NEAR_CIRCLE
-from planner.common.arrays import mean_by_group
+from planner.cell.cell import MeasurementSetup
+from planner.circular.plan import NEAR_CIRCLE
 from planner.common.errors import InputError
-from planner.common.units import Array, read_only
+from planner.common.units import Array, mean_by_group, read_only
 from planner.loaded.assumptions import SAMPLES
-from planner.loaded.compliance import smooth_spectrum, turn_noise
-from planner.loaded.equilibrium import find_circle, measured_points
+from planner.loaded.compliance import find_circle, measured_points, smooth_spectrum, turn_noise
 from planner.loaded.types import SENSES, AveragedCurves, DrivenCircle
 from planner.runs.run import Run
 

@@ -5,21 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.cell.cell import Cell
-from planner.cell.setup import MeasurementSetup
-from planner.circular.circle import NEAR_CIRCLE, circles_of
-from planner.common.arrays import mean_by_group
+from planner.cell.cell import Cell, MeasurementSetup
+from planner.circular.plan import NEAR_CIRCLE, circles_of
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import InputError
-from planner.common.units import DEG, MM, UM, Array, read_only
+from planner.common.units import DEG, MM, UM, Array, mean_by_group, read_only
 from planner.fit.run_setup import setup_for_run
-from planner.gauges.placement.flange_poses import FlangePoses, nominal_flange_poses
 from planner.gauges.placement.frames import place_frames
+from planner.gauges.placement.solver import FlangePoses, nominal_flange_poses
 from planner.kinematics.geometry import bar_state
 from planner.loaded.assumptions import SAMPLES, TOLD
-from planner.loaded.compliance import bar_deflection, fit_compliances
+from planner.loaded.compliance import bar_deflection, centring_offset, fit_compliances, measured_points, raise_fixture
 from planner.loaded.curves import average_curves
-from planner.loaded.equilibrium import centring_offset, measured_points, raise_fixture
 from planner.loaded.results import loaded_sentences
 from planner.loaded.types import (
     AveragedCurves,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.circular.circle import CircleAtFixture
+from planner.circular.plan import CircleAtFixture
 from planner.common.units import Array
 from planner.design.observability.identifiability import format_direction
 from planner.loaded.assumptions import TOLD

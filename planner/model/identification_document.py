@@ -7,11 +7,10 @@ import numpy as np
 from pydantic import AfterValidator, Field, GetPydanticSchema
 from pydantic_core.core_schema import any_schema
 
-from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
 from planner.common.files import document_text
 from planner.common.schema import read_json, validate
-from planner.common.units import Array, to_mm
+from planner.common.units import Array, mean_by_group, to_mm
 from planner.model.calibration_summary import CalibrationSummary
 from planner.model.document_section import DocumentSection, Probability, Size, round_digits
 from planner.model.finding import Finding, RejectedEffect

@@ -11,11 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, MeasurementSetup, setup_of
 from planner.cell.placement import Targets
-from planner.cell.setup import MeasurementSetup, setup_of
-from planner.common.arrays import CACHED_ROWS
-from planner.common.units import Array
+from planner.common.units import CACHED_ROWS, Array
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context, Stack
 from planner.effects.effect import Parameter, robot_parameters

@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, setup_of
 from planner.cell.placement import FREEABLE
-from planner.cell.setup import setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.effects.compliance import compliance_parameters
 from planner.effects.effect import parameter_keys

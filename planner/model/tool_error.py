@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, MeasurementSetup, setup_of
 from planner.cell.placement import N_BASE_TRANSFORMS, RobotSetup
-from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.units import Array, read_only
 from planner.effects.effect import Parameter
 from planner.gauges.frame_gauge import ToolPosition

@@ -18,9 +18,15 @@ from planner.common.determinism import on_one_thread
 from planner.common.units import Array, read_only
 from planner.design.expected_errors import ExpectedErrors
 from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
-from planner.design.learnt_foresight import LearntForesight
-from planner.design.learnt_posterior import LearntPosterior
-from planner.design.learnt_sizes import ALWAYS, AT_TIMES, HARDLY_EVER, MOSTLY, Families
+from planner.design.learnt_sizes import (
+    ALWAYS,
+    AT_TIMES,
+    HARDLY_EVER,
+    MOSTLY,
+    Families,
+    LearntForesight,
+    LearntPosterior,
+)
 from planner.design.unnamed_errors import IdentifiedErrors, UnnamedErrors, add_unnamed_errors
 from planner.effects.effect import tool_point_parameters
 from planner.next_session.remaining_errors import CalibratedState, RemainingErrors, tool_names

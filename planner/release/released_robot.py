@@ -17,9 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, MeasurementSetup
 from planner.cell.placement import N_BASE_TRANSFORMS
-from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
 from planner.effects.compliance import StationTwist

@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.summary import Aside
 from planner.common.system import give_back_memory
-from planner.common.units import MM, Array, to_mm
+from planner.common.units import MM, Array, mean_by_group, to_mm
 from planner.effects.steps import SLIP
 from planner.fit.assumptions import (
     ANOTHER_TOOL_SHARE,

@@ -5,9 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
-from planner.common.units import Array, to_deg, to_mm
+from planner.common.units import Array, mean_by_group, to_deg, to_mm
 from planner.documents.calibration import Calibration
 from planner.documents.calibration_summary import summarize
 from planner.effects.compliance import LEAST_LOAD

@@ -18,8 +18,7 @@ from planner.report.chart import ORANGE
 from planner.report.formatting import duration_text
 from planner.report.plan_data import sample_drive
 from planner.runs.run import Mounting
-from planner.session.course import Course
-from planner.session.plan_types import Drive, Plan
+from planner.session.plan_types import Course, Drive, Plan
 
 FACETS_AROUND = 20  # a capsule
 CAP_RINGS = 5  # from the rim of a cap to its pole

@@ -12,7 +12,7 @@ from planner.common.units import Array, to_deg, to_mm
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.foresight_text import describe_numbers_of_poses
 from planner.design.observability.information import INDEX_RULES
-from planner.design.selection.index_curves import IndexCurve
+from planner.design.selection.index_search import IndexCurve
 from planner.report.chart import (
     BLUE,
     GREEN,

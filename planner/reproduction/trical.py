@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from planner.accuracy.validation import validate_robot
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.common.progress import Stages
 from planner.common.units import MM, Array, to_mm
 from planner.design.free_parameters import preference_order

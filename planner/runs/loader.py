@@ -1,6 +1,9 @@
-"""From files to one checked run: quantities found, sessions numbered, several files joined."""
+"""From files to one checked run: quantities found, sessions numbered, several files joined.
 
-from collections.abc import Sequence
+Readings that stand twice: a file that is given as two, rows that were pasted again.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +18,7 @@ from planner.runs.images import pad_corners, split_images
 from planner.runs.joint_motion import (
     average_rests,
     check_order,
+    go_on_past_turns,
     is_dense,
     looks_continuous,
     marks_rests,
@@ -22,11 +26,55 @@ from planner.runs.joint_motion import (
 )
 from planner.runs.model_axes import AxesOf, in_model_axes
 from planner.runs.quantities import check_jumps, joint_angles, readings_of, turns_as
-from planner.runs.repeated_rows import refuse_repeated_files, repeated_row_notes
 from planner.runs.run import Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table
-from planner.runs.wrapped_angles import go_on_past_turns
+
+
+def refuse_repeated_files(files: Sequence[Path]) -> None:
+    """Refuse a file that is given twice, by its own name or as a copy.
+
+    Raises:
+        InputError: naming it, and the other.
+    """
+    for i, file in enumerate(files):
+        for other in files[:i]:
+            if file.resolve() == other.resolve():
+                raise InputError(f"{file} is given twice; the same samples would count as new ones")
+            if _is_copy(file, other):
+                raise InputError(
+                    f"{file} is a copy of {other}, byte for byte; the same samples would count as new ones"
+                )
+
+
+def _is_copy(file: Path, other: Path) -> bool:
+    fewest = 10  # lines from which on two files cannot agree by chance
+    both = file.is_file() and other.is_file() and file.stat().st_size == other.stat().st_size
+    return both and (found := file.read_bytes()) == other.read_bytes() and found.count(b"\n") >= fewest
+
+
+def repeated_row_notes(run: Run) -> Iterator[str]:
+    """Say which rows of a run at rest repeat earlier ones, joints and reading, where too many do for chance.
+
+    A gauge that is read again at a pose shows another last digit at some of them.
+    """
+    values = run.readings.length if run.readings.length is not None else run.readings.position
+    if run.continuous or values is None:
+        return
+    rows = np.column_stack([run.samples.q, values.reshape(len(run), -1), run.samples.place, run.samples.point_numbers])
+    _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    earlier = first[which.ravel()]
+    copies = np.flatnonzero(earlier < np.arange(len(run)))
+    _, pose = np.unique(run.samples.q, axis=0, return_inverse=True)
+    again = len(run) - len(np.unique(pose))  # rows at poses that were read before
+    fewest = 5  # rows from which on it is no chance
+    if len(copies) >= fewest and len(copies) == again:
+        k = copies[0]
+        yield (
+            f"{len(copies)} rows repeat earlier ones in each digit of joints and reading, the first {run.where(k)} "
+            f"that of {run.where(earlier[k])}: were they pasted twice? Each counts as a reading of its own"
+        )
+
 
 FEWEST_ROWS = 3  # that share a time, or at which it steps back: fewer may be a slip
 MEASURES = ("static", "continuous")

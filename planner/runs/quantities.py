@@ -7,8 +7,7 @@ from planner.common.units import TURN, Array, read_only, to_deg
 from planner.runs.images import PIXEL
 from planner.runs.joint_motion import DENSE_STEP
 from planner.runs.probe_turns import QUATERNION, rotations_of
-from planner.runs.run import Readings
-from planner.runs.scalars import column_of, scalar_kinds
+from planner.runs.run import Readings, column_of, scalar_kinds
 from planner.runs.table import RunTable
 from planner.runs.text import first_row
 

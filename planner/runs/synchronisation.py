@@ -10,11 +10,10 @@ import numpy as np
 from planner.common.errors import InputError
 from planner.common.lazy_modules import pl
 from planner.common.units import Array, IntArray
-from planner.runs.joint_motion import DENSE_STEP
+from planner.runs.joint_motion import DENSE_STEP, go_on_past_turns
 from planner.runs.quantities import check_jumps, has_reading
 from planner.runs.table import NAMES, WHOLE, RunTable, split_key
 from planner.runs.text import first_row
-from planner.runs.wrapped_angles import go_on_past_turns
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ from planner.kinematics.angle_units import DEGREES, NOTE, find_small
 from planner.kinematics.axes_line import KEY as AXES_OF
 from planner.kinematics.axes_line import axes_line
 from planner.runs.foreign_table import foreign_table
-from planner.runs.run import index_names
-from planner.runs.scalars import scalar_kinds
+from planner.runs.run import index_names, scalar_kinds
 from planner.runs.text import (
     NOTES,
     RowSource,

@@ -7,9 +7,8 @@ from typing import Any, Literal
 from pydantic import Field
 
 from planner.common.schema import StrictModel
-from planner.service.job_filter import State
 from planner.service.job_queue import Outlook
-from planner.service.job_record import JobOutput, JobProblem, JobRecord
+from planner.service.job_record import JobOutput, JobProblem, JobRecord, State
 
 Sense = Literal["good", "bad", "open"]
 

@@ -33,8 +33,7 @@ from planner.service.certificate import (
 from planner.service.context import ServiceContext
 from planner.service.file_api import robot_title
 from planner.service.job_api import output_path
-from planner.service.job_filter import JobFilter
-from planner.service.job_record import JobRecord
+from planner.service.job_record import JobFilter, JobRecord
 
 RMS_OF_REPEATABILITY = 3**0.5 / (1.5958 + 3 * 0.6734)
 """Rms distance by RP of ISO 9283 (mean distance plus three standard deviations), where the scatter is alike in space:

@@ -18,8 +18,7 @@ from planner import __version__
 from planner.common.errors import InputError
 from planner.common.file_names import name_fault
 from planner.service.file_store import FileStore
-from planner.service.job_filter import State
-from planner.service.job_record import JobOutput, JobProblem, JobRecord
+from planner.service.job_record import JobOutput, JobProblem, JobRecord, State
 from planner.service.runner import JobRunner
 from planner.service.settings import JobLimits
 

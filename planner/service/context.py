@@ -17,17 +17,15 @@ from fastapi.responses import HTMLResponse
 from planner.common.errors import InputError
 from planner.service.answers import Job, describe_job
 from planner.service.callers import CALLER, CallerFinder
-from planner.service.cell_notes import CellNotes
 from planner.service.cluster import Cluster, ClusterRunner
-from planner.service.deed_log import DeedLog
-from planner.service.file_store import FileStore, UploadList
+from planner.service.file_store import CellNotes, FileStore, UploadList
 from planner.service.guesses import GuessLimit
 from planner.service.job_folder import JobFolder
 from planner.service.job_keeping import JobKeeper, QuotaError
 from planner.service.job_record import JobCommand, JobProblem, JobRecord
 from planner.service.job_request import JobRequest
 from planner.service.job_store import MOST_CRASHES, JobStore
-from planner.service.people import PeopleStore
+from planner.service.people import DeedLog, PeopleStore
 from planner.service.record_store import RecordStore
 from planner.service.runner import JobRunner
 from planner.service.session_store import SessionStore

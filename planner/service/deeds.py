@@ -9,8 +9,8 @@ from pydantic import Field
 
 from planner.common.schema import StrictModel
 from planner.service.context import Context
-from planner.service.deed_log import Deed
 from planner.service.job_api import LIST_MOST, next_link
+from planner.service.people import Deed
 from planner.service.rendering import render
 
 DEEDS = APIRouter()

@@ -1,14 +1,22 @@
-"""Routes of files, runs and cells."""
+"""Routes of files, runs and cells.
+
+A file of the store as an answer: it is opened before the answer begins, so that it goes out whole or not at all.
+"""
 
 import asyncio
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any
 
+import anyio
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
+from starlette.types import Receive, Scope, Send
 
 from planner import __version__, load_robot
 from planner.cell.reading import load_cell, shipped_cells
@@ -17,12 +25,35 @@ from planner.kinematics.robot_reader import list_robots
 from planner.programs.dialect import dialects
 from planner.service.answers import CellEntry, DialectEntry, Health, RobotEntry, StoredFile
 from planner.service.callers import CALLER
-from planner.service.cell_notes import CellChanges
 from planner.service.context import Context, ServiceContext
-from planner.service.file_answer import StoredFileResponse
-from planner.service.file_store import ContentDraft, FileStore
+from planner.service.file_store import CellChanges, ContentDraft, FileStore
 from planner.service.job_folder import FileName, Sha256
 from planner.service.settings import Role
+
+
+class StoredFileResponse(FileResponse):
+    """The content of a file, also where the file is deleted while it goes out.
+
+    Raises:
+        HTTPException: it is gone.
+    """
+
+    def __init__(self, path: Path, **named: Any) -> None:
+        try:
+            self._opened = path.open("rb")
+        except FileNotFoundError as err:
+            raise HTTPException(404, f"there is no file {path.name[:12]}…; it was deleted") from err
+        super().__init__(path, stat_result=os.fstat(self._opened.fileno()), **named)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it, and let go of it."""
+        with self._opened:
+            await super().__call__(scope, receive, send)
+
+    @asynccontextmanager
+    async def _open_file(self) -> AsyncIterator[Any]:  # as FileResponse opens what it sends
+        yield anyio.wrap_file(self._opened)
+
 
 FILES = APIRouter(prefix="/api", tags=["files"])
 STALL_S = 60.0  # without a byte, after which a client is taken for gone

@@ -18,13 +18,11 @@ from planner.service.access import submit_path
 from planner.service.answers import Job
 from planner.service.callers import CALLER, Caller
 from planner.service.context import Context, ServiceContext
-from planner.service.file_answer import StoredFileResponse
-from planner.service.file_api import file_answer
+from planner.service.file_api import StoredFileResponse, file_answer
 from planner.service.guards import REPORT_POLICY
-from planner.service.job_filter import PLACE, JobFilter, JobPlace, State
 from planner.service.job_folder import JobId
 from planner.service.job_keeping import JobChanges
-from planner.service.job_record import JobEvent, JobOutput, JobRecord
+from planner.service.job_record import PLACE, JobEvent, JobFilter, JobOutput, JobPlace, JobRecord, State
 from planner.service.job_request import JobRequest
 from planner.service.job_requests import REQUESTS
 from planner.service.job_store import JobCheck, JobStore

@@ -10,8 +10,7 @@ from planner.common.errors import InputError
 from planner.common.file_names import name_fault
 from planner.common.schema import StrictModel
 from planner.runs.run import SIMULATED
-from planner.service.cell_notes import CellNotes
-from planner.service.file_store import FileStore, UnknownFileError, UploadList
+from planner.service.file_store import CellNotes, FileStore, UnknownFileError, UploadList
 from planner.service.job_record import JobInput
 from planner.service.job_store import JobStore
 

@@ -30,9 +30,7 @@ from planner.studies.study_call import StudyCall
 from planner.workflow.accuracy_call import AccuracyCall
 from planner.workflow.check_calls import CheckCall, PlanCheckCall
 from planner.workflow.compensate_call import CompensateCall
-from planner.workflow.identify_call import IdentifyCall
-from planner.workflow.plan_call import PlanCall
-from planner.workflow.plan_use_calls import ExportCall, SimulateCall
+from planner.workflow.core_calls import ExportCall, IdentifyCall, PlanCall, SimulateCall
 from planner.workflow.verbs import declared_calls
 
 VERBS = (*declared_calls(), "robots", "dialects")  # commands that run on a server

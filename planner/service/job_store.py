@@ -13,9 +13,18 @@ from pydantic import TypeAdapter
 from planner import __version__
 from planner.common.errors import InputError
 from planner.service.database import NAMING, Database
-from planner.service.job_filter import SERIALS, JobFilter, JobPlace, State
 from planner.service.job_queue import Foresight, Outlook, foresee_ends, next_job
-from planner.service.job_record import JobCommand, JobEvent, JobOutput, JobProblem, JobRecord
+from planner.service.job_record import (
+    SERIALS,
+    JobCommand,
+    JobEvent,
+    JobFilter,
+    JobOutput,
+    JobPlace,
+    JobProblem,
+    JobRecord,
+    State,
+)
 from planner.service.owner import is_gone, own_name
 
 
@@ -64,14 +73,14 @@ class JobStore:
                 (``check_inputs``).
         """
         with self._db.write() as db:
-            found = self._find(id)
+            found, words = self._find(id), COMMAND.dump_json(command).decode()
             if found is None:
                 if check_inputs and not all(is_named(db, i.sha256) for i in command.inputs):
                     raise UnknownJobError("what it starts from was deleted meanwhile")
                 db.execute(
                     "INSERT INTO jobs (id, kind, title, request, command, task, robot, person, state, created, version)"
                     " VALUES (?, ?, ?, ?, ?, ?, ?, ?, 'queued', ?, ?)",
-                    (id, kind, title, request, _text(command), command.task, robot, person, time.time(), __version__),
+                    (id, kind, title, request, words, command.task, robot, person, time.time(), __version__),
                 )
                 db.executemany("INSERT INTO inputs VALUES (?, ?)", [(id, i.sha256) for i in command.inputs])
                 _tell(db, id, "queued", {})
@@ -227,8 +236,7 @@ class JobStore:
 
     def outputs(self, id: str) -> list[JobOutput]:
         """Return the files of a job that has ended."""
-        rows = self._db.read("SELECT name, sha256, size FROM outputs WHERE job = ? ORDER BY name", id)
-        return [JobOutput(*r) for r in rows]
+        return self.outputs_of([id])[id]
 
     def jobs_with(self, table: Literal["inputs", "outputs"], sha256: str, kind: str) -> list[JobRecord]:
         """Return the finished jobs of a kind that were given, or have written, a file of this content; latest last."""
@@ -337,12 +345,9 @@ class JobStore:
 
 
 def _record(r: sqlite3.Row) -> JobRecord:
-    problem = PROBLEM.validate_json(r["problem"]) if r["problem"] else None
-    parsed = {
+    parsed = {name: bool(r[name]) for name in ("cancelled", "archived")} | {
         "command": COMMAND.validate_json(r["command"]),
-        "cancelled": bool(r["cancelled"]),
-        "archived": bool(r["archived"]),
-        "problem": problem,
+        "problem": PROBLEM.validate_json(r["problem"]) if r["problem"] else None,
     }
     return JobRecord(**{f.name: r[f.name] for f in fields(JobRecord)} | parsed)
 
@@ -350,10 +355,6 @@ def _record(r: sqlite3.Row) -> JobRecord:
 def _marks(values: Sequence[str]) -> str:
     """Return a place of a query for each value."""
     return ", ".join("?" * len(values))
-
-
-def _text(command: JobCommand) -> str:
-    return COMMAND.dump_json(command).decode()
 
 
 def _problem_text(problem: JobProblem | None) -> str:

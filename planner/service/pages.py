@@ -29,8 +29,8 @@ from planner.service.declared_request import typed_options
 from planner.service.file_api import describe_cell, dialect_entries, robot_entries
 from planner.service.guards import EMBEDDING_POLICY
 from planner.service.job_api import output_path
-from planner.service.job_filter import JobFilter, State
 from planner.service.job_folder import JobId, Sha256
+from planner.service.job_record import JobFilter, State
 from planner.service.job_requests import REQUESTS
 from planner.service.page_content import (
     PLANS,

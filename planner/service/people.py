@@ -2,6 +2,8 @@
 
 Passwords are kept as Argon2id hashes (RFC 9106), tokens and cookies as SHA-256 of random values: nothing that is kept
 lets anybody in.
+
+The log of deeds: who changed what and when.
 """
 
 import hashlib
@@ -285,3 +287,39 @@ def _administrators(db: sqlite3.Connection) -> int:
 
 def _unknown_error(name: str) -> InputError:
     return InputError(f"{name}: there is nobody of that name; see 'edbb serve users list'")
+
+
+@dataclass(frozen=True)
+class Deed:
+    """Something that somebody did; ``id`` rises, ``at`` in seconds since 1970, ``status`` is that of the answer."""
+
+    id: int
+    at: float
+    person: str
+    address: str
+    deed: str
+    subject: str
+    status: int
+
+
+class DeedLog:
+    """All deeds of a database."""
+
+    def __init__(self, database: Database) -> None:
+        self._db = database
+
+    def add(self, person: str, address: str, deed: str, subject: str, status: int) -> None:
+        """Add a deed to the log."""
+        row = (time.time(), person, address, deed, subject[:200], status)
+        with self._db.write() as db:
+            db.execute("INSERT INTO deeds (at, person, address, deed, subject, status) VALUES (?, ?, ?, ?, ?, ?)", row)
+
+    def list_deeds(self, person: str | None, before: int | None, most: int) -> list[Deed]:
+        """Return the latest deeds, of one person or of all, before a number where one is given."""
+        where, values = "1", list[object]()
+        if person is not None:
+            where, values = f"{where} AND person = ?", [*values, person]
+        if before is not None:
+            where, values = f"{where} AND id < ?", [*values, before]
+        query = f"SELECT id, at, person, address, deed, subject, status FROM deeds WHERE {where} ORDER BY id DESC"
+        return [Deed(*row) for row in self._db.read(f"{query} LIMIT ?", *values, most)]

@@ -8,8 +8,16 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi import Path as InPath
 from pydantic import Field
 
-from planner.checks.opcua import OpcUaRecord, map_to_opcua
-from planner.checks.record import DOCUMENTS, AxisDrift, Circumstances, EntryKind, RobotRecord, Withdrawal
+from planner.checks.record import (
+    DOCUMENTS,
+    AxisDrift,
+    Circumstances,
+    EntryKind,
+    OpcUaRecord,
+    RobotRecord,
+    Withdrawal,
+    map_to_opcua,
+)
 from planner.common.schema import StrictModel
 from planner.service.callers import CALLER
 from planner.service.certificate import certificate_numbers

@@ -14,8 +14,8 @@ from planner.service.certificate import REGIONS, STATED, certificate_numbers, mo
 from planner.service.certificate_api import find_certificate
 from planner.service.context import Context, ServiceContext, at_one_moment
 from planner.service.file_api import robot_entries, robot_title
-from planner.service.job_filter import JobFilter
 from planner.service.job_folder import JobId
+from planner.service.job_record import JobFilter
 from planner.service.page_content import is_simulated
 from planner.service.record_api import RecordHistory, Serial, describe_record, find_record_entry
 from planner.service.record_index import RobotFilter

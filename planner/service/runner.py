@@ -17,9 +17,8 @@ from planner.common.files import data_folder
 from planner.common.system import group_memory, kill_group, start_in_own_group
 from planner.service.command_words import hide_folders
 from planner.service.file_store import FileStore
-from planner.service.job_filter import State
 from planner.service.job_process import DAMAGED, INPUT_FOLDER, RESULTS, SPECIFICATION, SPECIFICATIONS, JobSpecification
-from planner.service.job_record import JobOutput, JobProblem, JobRecord
+from planner.service.job_record import JobOutput, JobProblem, JobRecord, State
 from planner.service.job_store import LEASE_S, MOST_CRASHES
 from planner.service.settings import GB, JobLimits
 

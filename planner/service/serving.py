@@ -16,17 +16,14 @@ from planner import __version__
 from planner.common.errors import InputError
 from planner.report.page import VIEW_FOLDER
 from planner.service.access import check_access, check_rules
-from planner.service.access_log import AccessLog, open_log
 from planner.service.callers import COOKIE, CallerFinder
-from planner.service.cell_notes import CellNotes
 from planner.service.certificate_api import CERTIFICATES
 from planner.service.cluster import Cluster
 from planner.service.context import ServiceContext, Supervisor
 from planner.service.database import Database, damage_text
-from planner.service.deed_log import DeedLog
 from planner.service.deeds import DEEDS
 from planner.service.file_api import FILES, LISTS
-from planner.service.file_store import FileStore, UploadList, disk_error
+from planner.service.file_store import CellNotes, FileStore, UploadList, disk_error
 from planner.service.guards import Guard
 from planner.service.guesses import GuessLimit
 from planner.service.job_api import EVENTS, JOBS
@@ -34,10 +31,10 @@ from planner.service.job_keeping import JobKeeper, Sweeper
 from planner.service.job_process import confinement_version
 from planner.service.job_store import JobStore
 from planner.service.login import LOGIN
-from planner.service.methods import PlainMethods
+from planner.service.methods import AccessLog, PlainMethods, open_log
 from planner.service.metrics import METRICS
 from planner.service.pages import PAGES, add_problem_handlers, prepare_pages
-from planner.service.people import PeopleStore
+from planner.service.people import DeedLog, PeopleStore
 from planner.service.private_store import DATABASE, keep_private
 from planner.service.problems import MEDIA_TYPE, Problem
 from planner.service.record_api import RECORDS
@@ -211,7 +208,7 @@ def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
     """
     import uvicorn
 
-    from planner.service.connections import TimedProtocol
+    from planner.service.methods import TimedProtocol
 
     app = add_guard(settings)
     if settings.access_log:

@@ -1,6 +1,10 @@
-"""Routes of sessions at the cell: what one device ticks others see, also what was ticked without a network."""
+"""Routes of sessions at the cell: what one device ticks others see, also what was ticked without a network.
+
+What to do at the cell, from an empty one to a saved log, as a checklist says it.
+"""
 
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Annotated
 
 from fastapi import APIRouter, Query
@@ -9,18 +13,34 @@ from fastapi.responses import FileResponse, HTMLResponse
 from pydantic import Field
 from starlette.exceptions import HTTPException
 
+from planner.cell.file import CellFile
+from planner.cell.reading import gauge_class
 from planner.cell.sections import read_cell_file
 from planner.common.schema import StrictModel
+from planner.service.answers import OutputFile
 from planner.service.callers import CALLER
 from planner.service.context import Context, ServiceContext
 from planner.service.job_api import output_path
 from planner.service.job_folder import JobId
-from planner.service.page_content import PLANS, read_plan_document
+from planner.service.page_content import PLANS, AnyPlan, read_plan_document
 from planner.service.record_api import SerialText
 from planner.service.record_index import RobotFilter
 from planner.service.rendering import STATIC, render
 from planner.service.session_store import CellSession, KnownTick, TickList
-from planner.service.sheets import session_content
+
+
+def session_content(plan: AnyPlan, cell: CellFile, files: list[OutputFile]) -> dict[str, object]:
+    """Return what the checklist from an empty cell to a saved log says of a plan; files of a program share its name."""
+    stems, gauge = tuple(Path(p.file).stem for p in plan.programs), gauge_class(cell)
+    return {
+        "plan": plan,
+        "guide": gauge.session_guide(cell),
+        "reading": gauge.reading_text(cell),
+        "by_hand": cell.gauge.read_by == "hand" and gauge.columns == "length_mm",
+        "programs": [f for f in files if f.name.startswith(stems)],
+        "static": cell.motion.measure == "static",
+    }
+
 
 SESSIONS = APIRouter(tags=["sessions"])
 SessionId = Annotated[str, InPath(pattern="^[0-9a-f]{24}$", description="identifier of a session")]

@@ -10,11 +10,11 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.units import Array, to_mm
 from planner.kinematics.geometry import bar_state, fit_circle_in_space, points_on_arc
-from planner.motion.timing.limits import axis_percent
+from planner.motion.timing.curve import axis_percent
 from planner.motion.timing.trajectory import Trajectory
 from planner.programs.instructions import JointMove
 from planner.runs.run import Mounting
-from planner.session.course import TimedPath
+from planner.session.plan_types import TimedPath
 from planner.session.tolerances import (
     CUT_CORNER_SHARE,
     DENSE_TRAVEL,

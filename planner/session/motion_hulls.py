@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import Array
-from planner.motion.timing.curve import corner_ends
-from planner.motion.timing.limits import ToolPosition
+from planner.motion.timing.curve import ToolPosition, corner_ends
 from planner.session.driven_motion import Chain
 from planner.session.tolerances import ENCLOSED, SMALL_STEP
 

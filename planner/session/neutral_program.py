@@ -34,11 +34,10 @@ from planner.programs.languages.execution import ReadBack
 from planner.programs.rendering import ProgramFile, axis_names
 from planner.programs.verification import write_and_read_back
 from planner.runs.run import Mounting
-from planner.session.course import Course, TimedPath
 from planner.session.driven_motion import unreleased_error
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
 from planner.session.judgement import judge_program
-from planner.session.plan_types import Programs
+from planner.session.plan_types import Course, Programs, TimedPath
 from planner.session.tolerances import EMITTED_SPEED_RATIO, PRINTED_TRAVEL
 from planner.session.tour_cost import cut_stretches
 

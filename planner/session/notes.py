@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.cell.cell import Cell
-from planner.cell.setup import setup_of
+from planner.cell.cell import Cell, setup_of
 from planner.common.summary import Aside
 from planner.common.units import Array, to_mm
 from planner.design.assumptions import UNSURE_POWER

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import BaseModel
 
 from planner.cell.cell import Cell
-from planner.common.content_hashes import HASHES, changed_parts
 from planner.common.errors import NoSolutionError
+from planner.common.object_hashes import HASHES, changed_parts
 from planner.common.units import PLAN_DECIMALS
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.candidates.pool import PoseSet
@@ -21,9 +21,8 @@ from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice, Pruning
 from planner.design.selection.certificate import Certificate
 from planner.motion.path.verdict import Verdict
-from planner.session.course import Waypoints
-from planner.session.document import SCHEMA, PlanDocument, PlanHeader, rename_key
-from planner.session.document_parts import (
+from planner.session.document import (
+    SCHEMA,
     DroppedRecord,
     ErrorByNumberRecord,
     ExchangeRecord,
@@ -32,14 +31,17 @@ from planner.session.document_parts import (
     ObservabilityRecord,
     OnGridRecord,
     PathRecord,
+    PlanDocument,
+    PlanHeader,
     ProgramRecord,
     SeparationProofRecord,
     SeparationRecord,
     TourRecord,
     VerdictRecord,
+    rename_key,
 )
 from planner.session.movable_cell import movable_cell
-from planner.session.plan_types import Drive, Plan, SessionPlan, Visit
+from planner.session.plan_types import Drive, Plan, SessionPlan, Visit, Waypoints
 from planner.session.tour_cost import cost_name
 
 Document = TypeVar("Document", bound=PlanHeader)

@@ -1,6 +1,12 @@
-"""What a plan is made of, stage by stage: the values that flow from the candidates to the program."""
+"""What a plan is made of, stage by stage: the values that flow from the candidates to the program.
+
+What the robot drives for one fixture, in time: the way to where it starts, and what is measured, with all blends.
+
+A course is made from waypoints and blend radii alone, so a program exported later from ``plan.json`` is the same.
+"""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -12,13 +18,173 @@ from planner.design.discrimination.power import Discrimination
 from planner.design.expected_errors import ErrorForecast
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate
-from planner.design.selection.index_curves import IndexCurve
+from planner.design.selection.index_search import IndexCurve
+from planner.kinematics.geometry import bar_state
 from planner.motion.path.verdict import ProvenPath, Verdict
-from planner.motion.timing.trajectory import LimitReport, Trajectory
+from planner.motion.timing.curve import ReadingLimits
+from planner.motion.timing.leg_times import axis_limits
+from planner.motion.timing.trajectory import LimitReport, Trajectory, plan_trajectory
 from planner.motion.tour.solve import Tour
 from planner.programs.rendering import ProgramFile
 from planner.runs.run import Mounting
-from planner.session.course import Course, Role
+
+Role = Literal["calibrate", "repeat", "validate", "mount"]
+"""What a pose is for."""
+
+
+@dataclass(frozen=True)
+class Waypoints:
+    """A path to be driven: q (m, N) [rad], id of the pose or −1 (m,), blend radius (m,) [m], 0 where it rests."""
+
+    q: Array
+    visit: np.ndarray
+    blend: Array
+
+    def reverse(self) -> "Waypoints":
+        """Return the path driven from its end to its beginning."""
+        return Waypoints(self.q[::-1], self.visit[::-1], self.blend[::-1])
+
+    def append_way_back(self) -> "Waypoints":
+        """Return the path driven forward and then backward."""
+        parts = ((a, a[-2::-1]) for a in (self.q, self.visit, self.blend))
+        return Waypoints(*(np.concatenate(p) for p in parts))
+
+    @property
+    def one_way(self) -> int:
+        """Number of points up to where a path that is driven there and back turns, or of all."""
+        m = (len(self.q) + 1) // 2
+        returns = len(self.q) % 2 == 1 and len(self.q) > 2 and np.array_equal(self.q[:m], self.q[::-1][:m])
+        return m if returns else len(self.q)
+
+
+@dataclass(frozen=True)
+class TimedPath(Waypoints):
+    """A path with the times at which it is driven."""
+
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One stretch of a session with the gauge, from rest to rest.
+
+    Attributes:
+        path: as it is driven, with the ids of what is measured on the way.
+        heading: what a program calls it.
+        load: force along the bar that is set for it [N], ``None`` without.
+    """
+
+    path: TimedPath
+    heading: str
+    load: float | None = None
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The path in time."""
+        return self.path.trajectory
+
+    @property
+    def marks(self) -> tuple[int, ...]:
+        """Ids of what is measured on the way."""
+        return tuple(int(v) for v in self.path.visit if v >= 0)
+
+
+@dataclass(frozen=True)
+class Course:
+    """All that a program needs for one mounting of the gauge.
+
+    Attributes:
+        mounting: at which fixture and tool point.
+        start: where its session starts and ends, in words.
+        travel: the way there from home; it is driven back at the end.
+        passes: what is driven with the gauge, in order; poses are one pass, both ways where asked.
+        is_of_poses: whether it is a path through poses, which can be started at each of them.
+        shortcuts: points of that path that are proven to be joined straight to its first, for such starts.
+    """
+
+    mounting: Mounting
+    start: str
+    travel: TimedPath
+    passes: tuple[Pass, ...]
+    is_of_poses: bool = False
+    shortcuts: tuple[int, ...] = ()
+
+    @classmethod
+    def of_poses(
+        cls, cell: Cell, mounting: Mounting, travel: TimedPath, measuring: TimedPath, shortcuts: tuple[int, ...]
+    ) -> "Course":
+        """Return the course through the poses at one mounting."""
+        start, heading = cell.gauge.session_names(cell, mounting)
+        return cls(mounting, start, travel, (Pass(measuring, heading),), True, shortcuts)
+
+    @property
+    def measuring(self) -> TimedPath:
+        """The path through all poses."""
+        return self.passes[0].path
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Trajectory through all poses."""
+        return self.measuring.trajectory
+
+    @property
+    def duration(self) -> float:
+        """Time of all passes [s]."""
+        return sum(p.trajectory.duration_s for p in self.passes)
+
+
+def reading_limits(cell: Cell, mounting: Mounting, bar: bool) -> ReadingLimits | None:
+    """Limits of the gauge's own rate and acceleration while it is attached, else none."""
+    gauge = cell.gauge
+    if not (bar and np.isfinite(gauge.rate)):
+        return None
+    p_BX = cell.fixtures[mounting.fixture].p_BX
+    return ReadingLimits(
+        gauge.rate,
+        gauge.acceleration,
+        lambda q: bar_state(cell.map_position(q), p_BX).length,
+        lambda q: bar_state(cell.map_position(q), p_BX).direction,
+    )
+
+
+def time_course(
+    cell: Cell, mounting: Mounting, travel: Waypoints, measuring: Waypoints, shortcuts: tuple[int, ...] = ()
+) -> Course:
+    """Time the way to the mount pose and the measuring path (given one way)."""
+    cell = cell.at(mounting)
+    return Course.of_poses(
+        cell,
+        mounting,
+        time_path(cell, travel, mounting, bar=False),
+        time_measuring(cell, measuring, mounting),
+        shortcuts,
+    )
+
+
+def time_measuring(cell: Cell, path: Waypoints, mounting: Mounting) -> TimedPath:
+    """Time a measuring path, given one way, as it is driven: both ways where asked for, at rest at the poses or not."""
+    moving = cell.motion.is_continuous
+    if moving and cell.motion.both_ways:
+        path = path.append_way_back()
+    rest = np.where(path.visit >= 0, cell.rest_seconds, 0.0) * (path.blend == 0)
+    return time_path(cell, path, mounting, bar=True, dwell=rest)
+
+
+def time_path(cell: Cell, path: Waypoints, mounting: Mounting, bar: bool, dwell: Array | None = None) -> TimedPath:
+    """Time a path with or without the bar, attached as ``mounting`` says; ``dwell`` (m,) [s] at its points."""
+    trajectory = plan_trajectory(
+        path.q,
+        stop=path.blend == 0,
+        blend_m=path.blend,
+        tool_position=cell.map_position,
+        tool_jacobian=cell.map_jacobian,
+        limits=axis_limits(cell, bar),
+        tool_speed=cell.gauge.leg_speeds(cell, path.visit) if bar else np.inf,
+        dwell=0.0 if dwell is None else dwell,
+        reading=reading_limits(cell, mounting, bar),
+    )
+    return TimedPath(path.q, path.visit, path.blend, trajectory)
+
 
 Programs = tuple[tuple[str, tuple[ProgramFile, ...]], ...]
 """Files of the program in each dialect."""

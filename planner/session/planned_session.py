@@ -8,15 +8,14 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.reading import read_cell
-from planner.common.content_hashes import name_parts
 from planner.common.errors import InputError
 from planner.common.files import data_folder
+from planner.common.object_hashes import name_parts
 from planner.common.result_folder import changed_files
 from planner.common.schema import read_json
-from planner.session.course import Course, Waypoints, time_course
 from planner.session.document import DriveRecord, PlanDocument, WaypointRecord, read_plan, read_waypoints
 from planner.session.plan_record import changed_plan_parts, content_hash, plan_document
-from planner.session.plan_types import Plan
+from planner.session.plan_types import Course, Plan, Waypoints, time_course
 from planner.session.tolerances import CHANGED_ANGLE_DEG, CHANGED_DURATION, CHANGED_LENGTH_MM, SAME_ANGLE
 
 NOT_HASHED = ("schema", "kind", "plan_id", "programs", "notes", "hashes")

@@ -1,7 +1,10 @@
-"""``plan_session()``: from a cell to a robot program, stage by stage, whatever is measured."""
+"""``plan_session()``: from a cell to a robot program, stage by stage, whatever is measured.
+
+What is checked of a cell and of the languages of its programs before any planning.
+"""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,7 +16,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.choices import SelectionMethod
 from planner.common.determinism import on_one_thread
-from planner.common.errors import NoSolutionError
+from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages, TimeIsOverError, TimeLimit
 from planner.common.second_process import ForkedTask
 from planner.common.summary import Aside
@@ -22,17 +25,30 @@ from planner.design.bayesian_design import BackgroundDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.expected_errors import ErrorForecast, GoalOutOfReachError
-from planner.design.fixtures.another_place import describe_other_place
+from planner.design.fixtures.places import describe_other_place
 from planner.design.free_parameters import undeclared_errors
 from planner.design.observability.information import index_value
 from planner.design.off_grid import certify_off_grid
 from planner.design.pose_selection import PoseChoice, replace_pose
 from planner.design.selection.certificate import Certificate
-from planner.design.selection.index_curves import BackgroundCurve
+from planner.design.selection.index_search import BackgroundCurve
 from planner.design.unnamed_errors import identified_errors
+from planner.motion.collision.surroundings import check_surroundings
+from planner.motion.tour.solve import require_concorde
+from planner.programs.controller_axes import axis_convention
+from planner.programs.dialect import load_dialect
+from planner.programs.instructions import Centre, Instruction, JointMove
 from planner.programs.verification import shared_notes
-from planner.session.cell_checks import settle_dialects
-from planner.session.neutral_program import assemble_programs, jog_checks, session_program, write_programs
+from planner.runs.run import FIRST_MOUNTING
+from planner.session.neutral_program import (
+    assemble_programs,
+    build_program,
+    jog_checks,
+    preparation,
+    session_program,
+    write_programs,
+    write_session,
+)
 from planner.session.notes import bar_notes, discrimination_notes, driven_discrimination, load_notes, session_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import PathNotProvenError, UnprovenPoses, content_hash, plan_record
@@ -40,6 +56,55 @@ from planner.session.plan_types import Drive, Plan, SessionPlan
 from planner.session.release import TourStop, candidate_stop
 from planner.session.tour_cost import session_minutes
 from planner.session.tour_drive import MountingSession, Unreachable, drive_tour
+
+ANY_ROBOT = "poses-csv"
+"""Written where neither the cell nor the robot names a language: a list that anybody can read."""
+
+
+def settle_dialects(cell: Cell, options: PlanOptions) -> tuple[str, ...]:
+    """Return the dialects to write; what is wrong with them, the cell or the solver is told before a minute's work.
+
+    Raises:
+        InputError: there is no such dialect, the robot's file does not say how its controller counts the axes, or
+            the cell is wrong (see :func:`check_cell`).
+        MissingProgramError: Concorde was asked for and is not there.
+    """
+    if options.tsp == "concorde":
+        _ = require_concorde()
+    dialects = tuple(options.dialect) or cell.controller.dialects or (cell.robot.dialect or ANY_ROBOT,)
+    for name in dialects:
+        _ = axis_convention(cell.robot, load_dialect(name))
+    check_cell(cell, dialects)
+    return dialects
+
+
+def check_cell(cell: Cell, dialects: Sequence[str]) -> None:
+    """Write a program of two moves in every dialect, and hold the surroundings against what the robot can reach.
+
+    Raises:
+        InputError: naming the key.
+    """
+    no_plan = "0" * 12  # stands for the plan of a program that no plan holds
+    check_surroundings(cell)
+    _check_home(cell)
+    home = JointMove(tuple(float(v) for v in np.rad2deg(cell.home)), 10.0, 50.0, 5.0)
+    body: list[Instruction] = [home]
+    if cell.gauge.ball_to_centre(cell, cell.home) is not None:
+        body.append(Centre(1, 1))
+    body += preparation(cell, FIRST_MOUNTING)
+    for name in dialects:
+        try:
+            write_session(cell, build_program(cell, no_plan, [*body, home]), name, cell.robot.name)
+        except InputError as err:
+            raise InputError(f"{cell.path}: the program in '{name}' cannot be written: {err}") from err
+
+
+def _check_home(cell: Cell) -> None:
+    robot = cell.robot
+    off = np.flatnonzero((cell.home < robot.q_lower) | (cell.home > robot.q_upper))
+    if len(off):
+        key = "home_mm" if robot.slides[off[0]] else "home_deg"
+        raise InputError(f"{cell.path}: {key} lies beyond the limit of joint {off[0] + 1}")
 
 
 @dataclass(frozen=True)

@@ -1,27 +1,222 @@
-"""Poses without a bar: at the balls of an artifact, each approached and left the same way, or seen by a tracker."""
+"""Poses without a bar: at the balls of an artifact, each approached and left the same way, or seen by a tracker.
+
+Poses of a bar: drawn from its shell, chosen by the index, for discrimination or for tracing, and driven.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.determinism import Positions
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.progress import Stages, TimeLimit
+from planner.common.progress import LastStart, Stages, TimeLimit
 from planner.common.summary import Aside
-from planner.common.units import Array
+from planner.common.units import Array, from_mm
+from planner.design.bayesian_design import choose_bayesian_poses
 from planner.design.candidates.balls import BallFunnel, draw_ball_candidates
 from planner.design.candidates.pool import PoseSet, draw_candidates
-from planner.design.pose_selection import PoseChoice, judge_poses, replace_all, select_poses
+from planner.design.discrimination.findings import read_identification
+from planner.design.discrimination.selection import select_discriminating_poses
+from planner.design.fixtures.addition import add_fixtures, describe_added_fixtures
+from planner.design.off_grid import refine_bayesian_poses, refine_poses
+from planner.design.pose_selection import (
+    PoseChoice,
+    check_pose_number,
+    judge_poses,
+    replace_all,
+    select_poses,
+    traceable_pose_count,
+)
+from planner.design.selection.certificate import Certificate
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.parts import connected_parts
-from planner.runs.run import FIRST_MOUNTING
-from planner.session.course import Role
-from planner.session.mount import with_point_mount
+from planner.runs.run import FIRST_MOUNTING, Samples
+from planner.session.mount import (
+    MountMaps,
+    drop_unreachable,
+    join_to_mounts,
+    move_mounts,
+    settle_mounts,
+    with_point_mount,
+)
 from planner.session.options import PlanOptions
-from planner.session.plan_types import Drive
+from planner.session.plan_types import Drive, Role
 from planner.session.planning import PoseChooser, PoseSession, Selection
 from planner.session.release import TourStop, candidate_stop
 from planner.session.tolerances import REPEATED_CENTRINGS
 from planner.session.tour_drive import MountingSession
 from planner.session.validation_poses import order_by_distance
+
+
+class BarPoses(PoseSession):
+    """Where the poses of a bar come from."""
+
+    near: Certificate
+    reach: MountMaps
+
+    def __init__(self, cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> None:
+        super().__init__(cell, options, chooser)
+        self.tracing = options.aims_at_tracing(cell)
+        self.until = None if options.until_mm is None else float(from_mm(options.until_mm))
+        self.poses = None if chooser else self.poses
+        robot = cell.robot
+        self.rivals = None
+        if options.separate:
+            found = Path(options.separate)
+            found = found / "identification.json" if found.is_dir() else found
+            self.rivals = read_identification(found, robot.name, robot.n_joints)
+        if self.rivals:  # they choose the poses, whatever the cell says
+            self.method = "exchange"
+
+    def draw(self, stages: Stages) -> None:
+        """Settle fixtures and mount poses, and draw the candidates, those that a path joins to them."""
+        seed, limit = self.options.seed, stages.limit
+        if self.options.fixtures is not None:
+            with stages.stage("fixtures"):
+                added = add_fixtures(self.cell, self.options.fixtures, seed, stages.say, limit)
+            self.cell = added.cell
+            self.notes += describe_added_fixtures(added)
+        if self.poses is not None:
+            check_pose_number(self.cell, self.poses, seed)
+        with stages.stage("candidates") as progress:
+            given = self.cell
+            self.cell, found = settle_mounts(given, seed, limit)
+            pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress, limit)
+        with stages.stage("roadmap"):
+            reach = join_to_mounts(self.cell, pool, seed, found, limit)
+            moved = move_mounts(self.cell, given, pool, reach)
+            if moved is not self.cell and not limit.must_stop(LastStart.ROADMAP, "another mount pose was not tried"):
+                other = draw_candidates(moved, moved.plan.candidates, seed, limit=limit)
+                there = join_to_mounts(moved, other, seed, limit=limit)
+                if there.joined.sum() > reach.joined.sum():
+                    self.cell, pool, reach = moved, other, there
+            kept = drop_unreachable(self.cell, pool, reach, self.index, self.poses, seed, limit)
+            self.pool, self.reach, notes, self.near = kept
+            self.notes += notes
+
+    def select(self, stages: Stages) -> Selection:
+        """Choose the poses by the index, for telling rivals apart, or for what nobody has declared."""
+        cell, pool, index, seed, poses = self.cell, self.pool, self.index, self.options.seed, self.poses
+        if self.tracing:
+            with stages.stage("foresight") as progress:
+                expected = choose_bayesian_poses(cell, pool, poses, progress, until=self.until, limit=stages.limit)
+            with stages.stage("selection"):
+                judged = judge_poses(cell, pool, expected.chosen, index, self.near, stages.limit)
+                return Selection(judged, expected_error=expected)
+        with stages.stage("selection"):
+            poses = traceable_pose_count(cell, pool) if self.rivals and poses is None else poses
+            choice, curve = select_poses(cell, pool, poses, index, seed, self.near, self.method, stages.limit)
+        if not self.rivals:
+            return Selection(choice, curve)
+        with curve, stages.stage("separation"):
+            parted = select_discriminating_poses(cell, pool, choice, self.rivals, seed, stages.limit)
+        return Selection(parted.choice, curve, parted)
+
+    def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
+        """Replace what no path joins, then move the poses off the grid; pruned ones and those for rivals stay on it."""
+        cell, seed, limit = self.cell, self.options.seed, stages.limit
+        with stages.stage("refinement"):
+            choice, count = replace_all(
+                self.pool,
+                chosen.choice,
+                self._find_unjoined_poses,
+                "could not be joined to the mount pose, nor those put in their places: the cable or an obstacle splits "
+                "the shell into many parts; widen cable limits or choose another gauge.mount_deg",
+                self._find_doubtful_candidates,
+            )
+            if count:
+                self.notes.append(Aside(f"{count} chosen poses that no path joins to the mount pose were replaced"))
+            if chosen.expected_error and cell.plan.refine:
+                unknown = chosen.expected_error.unknown
+                return self._move_joined_poses(
+                    choice,
+                    lambda c, stay: replace(c, q=refine_bayesian_poses(cell, unknown, c.samples, seed, limit, stay)),
+                )
+            settled = chosen.discriminating or chosen.expected_error or choice.pruning
+            if settled:
+                return choice
+            return self._move_joined_poses(choice, lambda c, stay: refine_poses(cell, c, seed, limit, stay))
+
+    def _move_joined_poses(self, choice: PoseChoice, move: Callable[[PoseChoice, Positions], PoseChoice]) -> PoseChoice:
+        """Move the poses; those moved to where no path joins them go back to their candidates and stay there.
+
+        The others are moved anew, since they had been chosen beside poses that are no more.
+        """
+        most_rounds = 4  # of moving; each leaves fewer poses that move
+        stay = np.zeros(0, dtype=int)
+        for _ in range(most_rounds):
+            choice = move(choice, stay)
+            lost = self._find_unjoined_poses(choice)
+            if not len(lost):
+                break
+            q = choice.q.copy()
+            q[lost] = choice.candidates.q[lost]
+            choice, stay = replace(choice, q=q), np.union1d(stay, lost)
+        return choice
+
+    def _find_unjoined_poses(self, choice: PoseChoice) -> np.ndarray:
+        """Positions of the chosen poses that are not in the part of their mount pose."""
+        return self._find_unjoined_rows(choice.samples)
+
+    def _find_doubtful_candidates(self) -> np.ndarray:
+        """Positions of the candidates of which no path to their mount pose is proven: all but states of the maps.
+
+        All are joined by their nearest states; where the shell falls into small parts, those that show most are not.
+        """
+        proven = np.zeros(len(self.pool), dtype=bool)
+        for m, parts in self.reach.maps.items():
+            mine = self.pool.samples.at_mounting(m)
+            proven[mine] = parts.are_proven(self.pool.q[mine])
+        return np.flatnonzero(~proven)
+
+    def _find_unjoined_rows(self, samples: Samples) -> np.ndarray:
+        lost = []
+        for m in self.cell.mountings:
+            mine = np.flatnonzero(samples.at_mounting(m))
+            lost.append(mine[self.reach.maps[m].find_unjoined_poses(samples.q[mine], LastStart.REFINEMENT)])
+        return np.concatenate(lost)
+
+    def draw_validation(self, choice: PoseChoice) -> np.ndarray:
+        """Poses for checking the fit that it never sees, far from the chosen ones, of those that a path joins.
+
+        The pool itself was joined by a sample of it: of poses beside no path some are found only here.
+        """
+        others = order_by_distance(self.cell, self.pool.q, choice.chosen, self.options.seed)
+        count = min(self.cell.plan.validate, len(others))
+        drawn, rest = others[:count], others[count:]
+        lost = self._find_unjoined_rows(self.pool.samples.take(drawn))
+        if len(lost):
+            more = rest[: 2 * len(lost)]
+            more = np.delete(more, self._find_unjoined_rows(self.pool.samples.take(more)))
+            drawn = np.append(np.delete(drawn, lost), more[: len(lost)])
+        return np.sort(drawn)
+
+    def places(self, limit: TimeLimit) -> list[MountingSession]:
+        """Return each place of the bar: the poses measured there, and the path to it without the bar."""
+        repeats = 0 if self.cell.motion.is_continuous else self.cell.plan.repeat
+        out = []
+        for m in self.cell.mountings:
+            measuring, travelling = (Constraints(self.cell, m, bar, limit=limit) for bar in (True, False))
+            out.append(MountingSession(measuring, travelling, self.reach.maps[m].roadmap, repeats))
+        return out
+
+    def stop(self, choice: PoseChoice, k: int) -> TourStop:
+        """Return the chosen pose ``k``, with the side from which it is to be come to."""
+        return TourStop(choice.q[k], "calibrate", None if choice.approach is None else choice.approach[k])
+
+    def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:
+        """Rows of the trajectory as it is driven: at the poses' closest passage when continuous, else at rest."""
+        rows = []
+        for d in drives:
+            if self.cell.motion.is_continuous:
+                q = d.trajectory.angles(np.linspace(0.0, d.trajectory.duration_s, 2000))  # samples of a drive
+            else:
+                q = np.array([v.q for v in d.visits if v.role == "calibrate"])
+            rows.append(choice.model.rows(Samples.at(q, d.mounting)))
+        return np.vstack(rows)
 
 
 class PointPoses(PoseSession):

@@ -13,9 +13,8 @@ from planner.motion.path.verdict import PathLeg, ProvenPath, SeparateMotions, Ve
 from planner.motion.timing.curve import corner_ends, distinct_points
 from planner.motion.timing.leg_times import axis_limits, tool_speed
 from planner.motion.timing.trajectory import Trajectory, blend_corners
-from planner.session.course import Role, TimedPath, Waypoints, time_path
 from planner.session.driven_moves import corner_radii
-from planner.session.plan_types import motion_signs
+from planner.session.plan_types import Role, TimedPath, Waypoints, motion_signs, time_path
 from planner.session.tolerances import BLEND_MARGIN
 
 

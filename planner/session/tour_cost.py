@@ -13,9 +13,8 @@ from planner.motion.path.constraints import Constraints
 from planner.motion.timing.leg_times import axis_times, limit_times, tool_speed
 from planner.programs.instructions import Comment, Entry, Instruction, JointMove, StretchBegin, StretchEnd
 from planner.runs.run import Mounting
-from planner.session.course import TimedPath
 from planner.session.driven_moves import degrees, even_moves
-from planner.session.plan_types import Drive
+from planner.session.plan_types import Drive, TimedPath
 
 
 def leg_times(cell: Cell, mounting: Mounting, start: Array, end: Array) -> Array:

@@ -27,8 +27,7 @@ from planner.motion.timing.leg_times import axis_limits
 from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import Tour, solve_tour
 from planner.runs.run import Mounting
-from planner.session.course import Course, reading_limits, time_measuring
-from planner.session.plan_types import Drive, Visit, motion_signs
+from planner.session.plan_types import Course, Drive, Visit, motion_signs, reading_limits, time_measuring
 from planner.session.release import (
     TourStop,
     add_blends,

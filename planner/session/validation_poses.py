@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from planner.cell.cell import Cell
-from planner.cell.setup import setup_of
+from planner.cell.cell import Cell, setup_of
 from planner.common.units import Array
 from planner.effects.context import Context
 from planner.runs.run import Samples

@@ -9,8 +9,8 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.runs.run import NO_REFERENCE_READINGS, SIMULATED, ReferenceReadings, Run, Samples
-from planner.session.course import Course
 from planner.session.document import PlanDocument, PoseRecord
+from planner.session.plan_types import Course
 from planner.simulation.assumptions import CORRELATION_TIME
 from planner.simulation.equilibrium import solve_equilibrium
 from planner.simulation.truth import Truth

@@ -10,9 +10,8 @@ from zlib import crc32
 import numpy as np
 from pydantic import Field, NonNegativeFloat
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, MeasurementSetup, setup_of
 from planner.cell.placement import FREEABLE
-from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import read_utf8
 from planner.common.schema import StrictModel, read_toml, validate
@@ -23,8 +22,12 @@ from planner.effects.compliance import compliance_parameters, is_joint_complianc
 from planner.effects.effect import Effect, Parameter, parameter_keys, unit_spellings
 from planner.model.model import Model
 from planner.runs.run import SIMULATED, Samples
-from planner.simulation.set_up import place_fixtures_by_robot, set_up_sizes
-from planner.simulation.uncalibrated import UncalibratedBound, bound_uncalibrated_errors
+from planner.simulation.set_up import (
+    UncalibratedBound,
+    bound_uncalibrated_errors,
+    place_fixtures_by_robot,
+    set_up_sizes,
+)
 
 
 class TruthEffectFile(StrictModel):
@@ -249,7 +252,7 @@ def draw_truth(cell: Cell, seed: int, more: Sequence[Effect] = ()) -> Truth:
     """Draw every error from its prior sigma, by its name: one robot in all cells of a seed.
 
     Where the cell says how far a robot errs at most before calibration, that robot's errors are made smaller by one
-    factor (:mod:`planner.simulation.uncalibrated`): the same arm, built with more care. Joints give way in the
+    factor (:mod:`planner.simulation.set_up`): the same arm, built with more care. Joints give way in the
     direction of their load only. Fixtures that are set up by the robot stand where it truly comes, see
     :mod:`planner.simulation.set_up`.
     """

@@ -14,8 +14,7 @@ from planner.design.observability.information import INDEX_RULES, Covariance, pr
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound
-from planner.design.selection.index_curves import find_knee
-from planner.design.selection.index_search import exchange_poses
+from planner.design.selection.index_search import exchange_poses, find_knee
 from planner.model.model import Model
 
 ANNEALING_STEPS = 150  # for the index that was asked for; the others descend only

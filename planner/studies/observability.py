@@ -28,8 +28,8 @@ from planner.effects.catalogue import effect_kinds
 from planner.effects.effect import Parameter
 from planner.model.model import Model
 from planner.model.own_priors import with_priors
-from planner.runs.frames import frame_angles
 from planner.runs.run import Run, Samples
+from planner.runs.writer import frame_angles
 
 if TYPE_CHECKING:
     import polars

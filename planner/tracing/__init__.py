@@ -1,5 +1,3 @@
 """From the residual of a fit to named effects."""
 
-__all__ = [
-    "trace",
-]  # fmt: skip
+__all__ = ["trace"]

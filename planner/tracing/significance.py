@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.common.arrays import mean_by_group
-from planner.common.units import Array
+from planner.common.units import Array, mean_by_group
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Role, implausible_text
 from planner.effects.steps import SLIP

@@ -7,7 +7,7 @@ from planner.workflow.check_calls import CheckCall, PlanCheckCall
 
 PARTS = (
     "checks", "workflow/check_calls.py",
-    "workflow/check_overview.py", "workflow/checking.py", "workflow/recording.py", "report/check_report.py",
+    "workflow/checking.py", "workflow/recording.py", "report/check_report.py",
     "report/templates/record.html.j2", "cli/record_commands.py",
 )  # fmt: skip
 

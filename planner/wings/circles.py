@@ -9,7 +9,7 @@ from planner.workflow.plan_kinds import PlanKind, register_plan_kind
 
 PARTS = (
     "circular", "loaded", "workflow/circle_calls.py", "workflow/circle_evaluation.py",
-    "workflow/circle_results.py", "workflow/loaded_planning.py", "report/circular_report.py",
+    "workflow/loaded_planning.py", "report/circular_report.py",
     "report/loaded_report.py", "report/templates/circular.html.j2", "report/templates/circular_plan.html.j2",
     "report/templates/loaded.html.j2",
 )  # fmt: skip
@@ -18,7 +18,7 @@ CELLS = ("abb-irb6700/ldbb", "comau-nj130/circular")  # shipped cells that have 
 for call in (CircularCall, LoadedCall, LoadedPlacesCall, PlanBothCall):
     register_call(call)
 register_section("circles", "planner.circular.section:READER")
-register_plan_kind(PlanKind("circular", "circles", "planner.workflow.circle_results:CircularMaker"))
+register_plan_kind(PlanKind("circular", "circles", "planner.workflow.loaded_planning:CircularMaker"))
 register_evaluation(
     Evaluation(
         "edbb circular {run} --plan {plan} -o circular; under load edbb loaded {run} --cell {cell} -o loaded",
@@ -30,4 +30,4 @@ register_advice(
     Occasion.LOADED_RUN,
     "; edbb loaded brings {run} into a static run, averaged.csv, or fits both at once (--unloaded)",
 )
-register_names("planner.workflow.circle_results", "CircularPlanResult")
+register_names("planner.workflow.loaded_planning", "CircularPlanResult")

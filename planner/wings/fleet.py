@@ -2,7 +2,7 @@
 
 from planner.common.commands import register_command, register_names
 
-PARTS = ("workflow/fleet_robots.py", "workflow/fleet.py", "cli/fleet_commands.py")
+PARTS = ("workflow/fleet.py", "cli/fleet_commands.py")
 
 register_command("fleet", "Learn from several robots how large errors are.", "planner.cli.fleet_commands:fleet_command",
                  "Keep", needs=("checks",))  # fmt: skip

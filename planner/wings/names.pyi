@@ -14,5 +14,5 @@ from planner.workflow.checking import CheckPlanResult as CheckPlanResult
 from planner.workflow.checking import CheckResult as CheckResult
 from planner.workflow.checking import check as check
 from planner.workflow.checking import plan_check as plan_check
-from planner.workflow.circle_results import CircularPlanResult as CircularPlanResult
+from planner.workflow.loaded_planning import CircularPlanResult as CircularPlanResult
 from planner.workflow.recording import record as record

@@ -1,25 +1,7 @@
 """One function a command."""
 
 __all__ = [
-    "accuracy_call",
-    "check_calls",
-    "checking",
-    "circle_calls",
-    "circle_results",
-    "compensate_call",
-    "compensation",
-    "demo",
-    "fleet",
-    "identification",
-    "identify_call",
-    "many",
-    "plan_call",
-    "plan_kinds",
-    "plan_results",
-    "plan_use",
-    "plan_use_calls",
-    "planning",
-    "recording",
-    "robot_copy",
-    "verbs",
-]
+    "accuracy_call", "check_calls", "checking", "circle_calls", "compensate_call", "compensation", "core_calls",
+    "demo", "fleet", "identification", "loaded_planning", "many", "plan_kinds", "plan_results", "plan_use",
+    "planning", "recording", "robot_copy", "verbs",
+]  # fmt: skip

@@ -1,4 +1,7 @@
-"""``plan_check()`` and ``check()``: a few poses tell whether and where a calibrated robot has changed."""
+"""``plan_check()`` and ``check()``: a few poses tell whether and where a calibrated robot has changed.
+
+What the screen says of a planned check.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,7 +22,7 @@ from planner.common.errors import InputError
 from planner.common.files import document_text, folder_of, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
-from planner.common.summary import Summary
+from planner.common.summary import Summary, cut_facts
 from planner.common.units import MM
 from planner.documents.baseline import Baseline
 from planner.fit.run_setup import drop_unreadable
@@ -29,17 +32,31 @@ from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
 from planner.session.evaluations import evaluation_of
 from planner.session.options import PlanOptions
+from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession
 from planner.session.planning import plan_session
 from planner.simulation.simulated_run import planned_samples
 from planner.workflow.check_calls import CheckCall, PlanCheckCall
-from planner.workflow.check_overview import check_overview
+from planner.workflow.plan_overview import plan_overview
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import pose_session
 from planner.workflow.run_checks import cell_of_run, check_unit
 
 if TYPE_CHECKING:
     from planner.report.page import Report
+
+
+def check_overview(plan: Plan, forecast: CheckForecast) -> Summary:
+    """Return the overview of a planned check: the drive, and the size from which on it shows each change."""
+    whole = plan_overview(plan)
+    facts = [f for f in whole.facts if f[0] != plan.choice.index]
+    *changes, rates = forecast.facts()
+    most = 3  # changes that a check shows, which are listed
+    hidden = (forecast.hidden_because,) if forecast.hidden else ()
+    details = [f for f in whole.details if f[0] != plan.choice.index]
+    drive, *others = facts
+    first, more = cut_facts(changes, most), changes[most:]
+    return Summary(whole.title, [drive, *first, rates, *others], [*details, *more], (*whole.notes, *hidden))
 
 
 @dataclass(frozen=True)

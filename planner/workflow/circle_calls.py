@@ -8,8 +8,8 @@ from typing import Annotated
 from planner.cell.declared import CellOption, CellWord
 from planner.common.calls import Call, Dialects, Option, ProgressKeyword, Seed
 from planner.common.progress import no_progress
+from planner.workflow.core_calls import PLAN_STAGES
 from planner.workflow.declared import RUNS, MeasuredPlan
-from planner.workflow.plan_call import PLAN_STAGES
 
 MOST_PLACES = 12  # circles of one session
 

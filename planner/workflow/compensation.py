@@ -14,11 +14,11 @@ import numpy as np
 
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
-from planner.common.content_hashes import HandEdit
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import check_writing, encode_text, is_folder, is_new_folder, read_bytes, write_together
 from planner.common.numbers import parse_number
+from planner.common.object_hashes import HandEdit
 from planner.common.result import Result
 from planner.common.schema import read_json
 from planner.common.summary import Summary
@@ -27,7 +27,7 @@ from planner.compensation.compensated_file import CompensatedFile
 from planner.compensation.compensated_program import compensate_program
 from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.few_axes import TurnWeights
-from planner.compensation.module_files import halves, output_paths
+from planner.compensation.languages import halves, output_paths
 from planner.compensation.program_error import ProgramError, program_error, uncorrected_errors
 from planner.compensation.program_text import read_program
 from planner.compensation.rotations import frame, from_abc

@@ -1,7 +1,10 @@
-"""``identify()``: from the log of a run to a calibrated robot, and its folder."""
+"""``identify()``: from the log of a run to a calibrated robot, and its folder.
+
+Which findings poses of a further session may tell from their rivals.
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -32,21 +35,44 @@ from planner.documents.expected_error import (
     expected_error_text,
 )
 from planner.documents.residual_table import residuals_csv
+from planner.effects.catalogue import catalogue
+from planner.effects.effect import Role
 from planner.identification.fleet_fit import RobotErrors, misfits_of
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
+from planner.inference.candidates import HUNDRED_TO_ONE
 from planner.model.finding import Finding
 from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Stage
-from planner.next_session.more_poses import foresee_more_poses, minutes_a_pose
+from planner.next_session.planned_poses import foresee_more_poses, minutes_a_pose
 from planner.release.suitability import judge_use
 from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
+from planner.workflow.core_calls import IdentifyCall
 from planner.workflow.fit_access import FitAccess
 from planner.workflow.fit_overview import fit_overview, is_hardly_better
-from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.measured_runs import MeasuredRuns, read_measured_runs
-from planner.workflow.separable_findings import can_be_told_apart
+
+
+def can_be_told_apart(found: Calibration) -> bool:
+    """Tell whether poses of a bar or wire may decide between a finding and a rival that the readings leave open.
+
+    Both must be causes that poses show by themselves: not what needs a thermometer or another payload, no change in the
+    middle of a run, and none without a name.
+    """
+    if found.run.readings.length is None:
+        return False
+    logged = found.run.samples
+    planned = replace(logged, temperature=None, torque=None, payload=None, q_cmd=None, q_read=None, session=None)
+    offered = [e for e in catalogue(found.setup, planned) if not e.has(Role.UNTRACED)]
+    shown, with_inner = {e.name for e in offered}, {e.name for e in offered if e.nonlinear is not None}
+    return any(
+        f.name in shown and rival in shown and (chance is None or chance >= HUNDRED_TO_ONE)
+        for cause in found.findings
+        for f in cause.each
+        if not (f.beside_stages and f.name in with_inner)  # a band, of which no one number is known
+        for rival, chance in zip(f.rivals, f.rival_probabilities or [None] * len(f.rivals), strict=True)
+    )
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.fit.run_setup import drop_unreadable, number_samples
 from planner.identification.joint_sessions import MeasuredSession, join_sessions
-from planner.runs.loader import load_runs
-from planner.runs.repeated_rows import refuse_repeated_files
+from planner.runs.loader import load_runs, refuse_repeated_files
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, read_plan
 from planner.workflow.run_checks import check_unit, settle_angles, split_by_plan

@@ -9,8 +9,8 @@ from planner.common.notebook import shown_progress
 from planner.common.progress import Progress, no_progress
 from planner.common.second_process import map_in_copies
 from planner.runs.run import Run
+from planner.workflow.core_calls import IdentifyCall
 from planner.workflow.identification import CalibrationResult, fit_runs
-from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.measured_runs import read_measured_runs
 from planner.workflow.plan_results import SimulationResult
 from planner.workflow.plan_use import simulate

@@ -20,7 +20,7 @@ from planner.runs.loader import load_runs
 from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
 from planner.session.document import PlanDocument, read_plan
 from planner.simulation.simulated_run import SimulatedRun
-from planner.workflow.identify_call import IdentifyCall
+from planner.workflow.core_calls import IdentifyCall
 from planner.workflow.joint_runs import RunSource, are_sessions, load_planned_sessions, run_sources, single_value
 from planner.workflow.run_checks import cell_of_run, check_unit, settle_angles, split_by_plan
 

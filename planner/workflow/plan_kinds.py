@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from planner.cell.cell import Cell
     from planner.common.progress import Stages
     from planner.runs.run import Samples
-    from planner.session.course import Course
     from planner.session.options import PlanOptions
+    from planner.session.plan_types import Course
     from planner.workflow.plan_results import SessionResult
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from planner.common.console import as_word
-from planner.common.content_hashes import HandEdit
 from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.numbers import number_of
+from planner.common.object_hashes import HandEdit
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import Summary

@@ -33,9 +33,9 @@ from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
 from planner.simulation.simulated_run import SAMPLE_RATE, planned_samples, simulate_run
 from planner.simulation.truth import draw_expected_truth, read_truth
+from planner.workflow.core_calls import ExportCall, ImportCall, SimulateCall
 from planner.workflow.plan_kinds import DrivenPlan, PlanKind, find_plan_kind
 from planner.workflow.plan_results import ExportResult, PosesResult, SessionResult, SimulationResult
-from planner.workflow.plan_use_calls import ExportCall, ImportCall, SimulateCall
 
 NOT_PROVEN_ANEW = "its path was not proven anew, as no collision engine is installed here"
 

@@ -13,18 +13,22 @@ from planner.common.units import from_mm
 from planner.design.free_parameters import check_effects
 from planner.motion.planning_packages import require_planning_packages
 from planner.next_session.planned_poses import NextSessionChooser
-from planner.next_session.remaining_errors import ROBOT, CalibratedState, leave_standing
-from planner.next_session.where_it_counts import places_in_region, places_of_program
+from planner.next_session.remaining_errors import (
+    ROBOT,
+    CalibratedState,
+    leave_standing,
+    places_in_region,
+    places_of_program,
+)
 from planner.report.plan_report import report_plan
 from planner.report.standby import drawing_process
 from planner.session.as_published import follow_paper
-from planner.session.bar_poses import BarPoses
 from planner.session.options import PlanOptions, check_point_options
 from planner.session.plan_record import PathNotProvenError
 from planner.session.plan_types import Plan
 from planner.session.planning import PoseChooser, PoseSession, plan_session
-from planner.session.point_poses import PointPoses
-from planner.workflow.plan_call import PlanCall
+from planner.session.point_poses import BarPoses, PointPoses
+from planner.workflow.core_calls import PlanCall
 from planner.workflow.plan_kinds import kind_of_cell
 from planner.workflow.plan_results import PlanResult, PosesResult, SessionResult
 

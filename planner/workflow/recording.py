@@ -8,8 +8,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from planner.checks.opcua import map_to_opcua
-from planner.checks.record import Circumstances, RobotRecord, Withdrawal
+from planner.checks.record import Circumstances, RobotRecord, Withdrawal, map_to_opcua
 from planner.checks.record_changes import add_entry, withdraw_entry
 from planner.common.console import as_word
 from planner.common.errors import InputError

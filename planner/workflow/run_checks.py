@@ -5,20 +5,19 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import Cell, setup_of
 from planner.cell.file import FIRST_POINT
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import check_readable
 from planner.common.units import Array, to_mm
-from planner.gauges.placement.flange_poses import FlangePoses, flange_poses
 from planner.gauges.placement.frames import place_frames
+from planner.gauges.placement.solver import FlangePoses, flange_poses
 from planner.kinematics.robot import Robot
+from planner.runs.joint_motion import bring_within_limits
 from planner.runs.probe_turns import settle_turns
 from planner.runs.run import Run
-from planner.runs.wrapped_angles import bring_within_limits
 from planner.session.document import PlanDocument, check_run_of_plan
 
 UNITS = (  # factor to what was meant, what it looks like, what to do

@@ -6,9 +6,7 @@ from planner.common.calls import Call, check_call
 from planner.common.commands import extension_commands
 from planner.common.extensions import broken_extensions
 from planner.workflow.compensate_call import CompensateCall
-from planner.workflow.identify_call import IdentifyCall
-from planner.workflow.plan_call import PlanCall
-from planner.workflow.plan_use_calls import ExportCall, ImportCall, SimulateCall
+from planner.workflow.core_calls import ExportCall, IdentifyCall, ImportCall, PlanCall, SimulateCall
 
 CORE: tuple[type[Call], ...] = (PlanCall, ExportCall, SimulateCall, IdentifyCall, ImportCall, CompensateCall)
 """The chain; every other verb is an extension's."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from planner.accuracy.tracker_nests import compare_nest_distances
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.inference.posterior_background import background_families
 from planner.runs.run import ReferenceReadings, Samples

@@ -25,7 +25,7 @@ from planner.design.expected_errors import error_limit
 from planner.design.free_parameters import undeclared_errors
 from planner.effects.effect import geometry_group
 from planner.identification.fleet_fit import RobotErrors
-from planner.workflow.fleet_robots import Fleet
+from planner.workflow.fleet import Fleet
 from tests.benchmarks.stopping import SHARE_OF_PLACE, samples
 from tests.identification.joint_world import BAR_LEFT, World
 

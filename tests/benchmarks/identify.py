@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.effects.compliance import compliance_parameters
 from planner.fit.identifiable_parameters import identifiable_subset
 from planner.fit.least_squares import fit

@@ -20,12 +20,11 @@ import numpy as np
 import tests.design.observability.dh_arm as dh_arm
 from planner.design.observability.identifiability import find_identifiable
 from planner.design.observability.information import index_value
+from planner.design.off_grid import refine_off_grid
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.index_bound import certify_bound
-from planner.design.selection.index_curves import compute_index_curve
-from planner.design.selection.index_search import exchange_poses
+from planner.design.selection.index_search import compute_index_curve, exchange_poses
 from planner.design.selection.pruning import prune_poses
-from planner.design.selection.refinement import refine_off_grid
 from tests.design.observability.dh_arm import NJ130
 
 CELLS = {"paper": ((), ()), "edbb": ((2,), ("fixture", "tool", "zero"))}

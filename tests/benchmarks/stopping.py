@@ -49,9 +49,7 @@ from planner.cell.reading import load_cell
 from planner.design.assumptions import MOST_POSES, UNTRACED_TARGET_SHARE
 from planner.design.bayesian_design import BayesianPosterior, select_greedily
 from planner.design.free_parameters import undeclared_errors
-from planner.design.learnt_foresight import LearntForesight
-from planner.design.learnt_posterior import LearntPosterior, root_of
-from planner.design.learnt_sizes import LearntErrors
+from planner.design.learnt_sizes import LearntErrors, LearntForesight, LearntPosterior, root_of
 from planner.design.unnamed_errors import add_unnamed_errors
 from planner.model.tool_error import tool_rows
 from planner.next_session.live_estimate import families

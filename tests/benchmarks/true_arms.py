@@ -15,8 +15,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from planner.cell.cell import Cell
-from planner.cell.setup import setup_of
+from planner.cell.cell import Cell, setup_of
 from planner.kinematics.packages import NO_PACKAGES
 from planner.kinematics.robot import Robot
 from planner.kinematics.urdf_elements import MeshFinder

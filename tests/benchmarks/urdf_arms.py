@@ -15,8 +15,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from planner.cell.cell import Cell
-from planner.cell.setup import setup_of
+from planner.cell.cell import Cell, setup_of
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import describe_robot
 from planner.kinematics.urdf import parse_urdf

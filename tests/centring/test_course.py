@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from planner.centring.path import BallVisit, PlannedPath, read_planned_path
+from planner.centring.journal import BallVisit, PlannedPath, read_planned_path
 from tests.centring.world import plan
 
 BALLS = (BallVisit(1, "1", 1), BallVisit(2, "3", 4))

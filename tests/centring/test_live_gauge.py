@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.centring.live_gauge import LiveGauge, open_log
-from planner.centring.live_session import MeasuringSession, program_remark
+from planner.centring.live_session import LiveGauge, MeasuringSession, open_log, program_remark
 from planner.centring.stop import SilentError, UnsettledError
 from planner.common.errors import InputError
 from planner.runs.loader import load_run

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.centring.journal import Journal, JournalHead
-from planner.centring.path import BallVisit, PlannedPath
+from planner.centring.journal import BallVisit, Journal, JournalHead, PlannedPath
 from planner.centring.session import CentringBench, CentringSession, run_session
 from planner.centring.settings import CentringSettings, RestSettings
 from planner.centring.simulated import SimulatedArm

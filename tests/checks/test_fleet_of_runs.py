@@ -14,8 +14,7 @@ from planner.design.free_parameters import undeclared_errors
 from planner.identification.fleet_fit import RobotErrors, misfits_of
 from planner.runs.run import Samples
 from planner.session.movable_cell import cell_files
-from planner.workflow.fleet import FleetResult, fleet
-from planner.workflow.fleet_robots import Fleet, read_robots
+from planner.workflow.fleet import Fleet, FleetResult, fleet, read_robots
 from planner.workflow.identification import identify
 from tests.command import edbb
 from tests.identification.few_draws import few_draws

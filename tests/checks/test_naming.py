@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from planner.checks.detection import Detector
-from planner.checks.naming import weigh_changes
+from planner.checks.evaluation import weigh_changes
 
 N, WIDTHS = 10, (1, 1, 1, 2, 3, 6)
 SIZES = np.geomspace(1e-5, 1e-2, 13)

@@ -6,8 +6,7 @@ from datetime import UTC, date, datetime
 
 import pytest
 
-from planner.checks.opcua import map_to_opcua
-from planner.checks.record import Circumstances, RobotRecord
+from planner.checks.record import Circumstances, RobotRecord, map_to_opcua
 from planner.checks.record_changes import add_entry
 from planner.checks.results import verdict_content
 from planner.checks.words import FORECAST
@@ -17,7 +16,7 @@ from planner.common.units import DEG
 from planner.kinematics.robot_reader import load_robot
 from planner.report.check_report import drift_chart, record_rows, report_check, report_record
 from planner.session.evaluations import evaluation_of
-from planner.workflow.fleet_robots import read_robot
+from planner.workflow.fleet import read_robot
 from tests.checks.fleet import NAME
 from tests.checks.test_evaluation import judged
 from tests.command import edbb

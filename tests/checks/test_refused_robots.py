@@ -16,7 +16,7 @@ from planner.kinematics.robot_reader import load_robot
 from planner.next_session.remaining_errors import CalibratedState
 from planner.workflow import identification
 from planner.workflow.compensation import compensate
-from planner.workflow.fleet_robots import read_robot
+from planner.workflow.fleet import read_robot
 from tests.command import edbb
 from tests.golden.case import lay_files
 from tests.golden.cases import CASES

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from planner.circular.circle import Circle
 from planner.circular.figures import circle_figures, find_reversals, fit_circle, minimum_zone
+from planner.circular.plan import Circle
 from planner.circular.sweeps import MeasuredCircle, Sweep
 
 R = 0.350

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.circular.circle import circles_of, replace_circles
 from planner.circular.document import circular_document, read_circular_plan
 from planner.circular.evaluation import circular_test_content, evaluate_circles
-from planner.circular.plan import circle_samples
+from planner.circular.plan import circle_samples, circles_of, replace_circles
 from planner.common.errors import InputError
 from planner.common.files import document_text
 from planner.motion.collision.engines import pin_model

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.circular.circle import circles_of
 from planner.circular.document import read_circular_plan
+from planner.circular.plan import circles_of
 from planner.circular.planning import plan_arc, plan_circles
 from planner.common.errors import InputError, NoSolutionError
 from planner.session.options import PlanOptions

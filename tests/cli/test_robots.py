@@ -9,7 +9,7 @@ from planner.cell.reading import load_cell, shipped_cells
 from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.programs.dialect import load_dialect
 from planner.report.robot_drawing import draw_robot, lengths
-from planner.session.cell_checks import check_cell
+from planner.session.planning import check_cell
 from planner.workflow.robot_copy import copy_robot
 from tests.command import edbb
 from tests.not_everywhere import require_planning

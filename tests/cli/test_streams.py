@@ -8,8 +8,7 @@ import pytest
 
 from planner.cli import declared
 from planner.cli.app import GREETING, WITH_MORE
-from planner.cli.declared import complete_cell
-from planner.cli.default_output import file_of, new_file, new_folder, new_folder_of_files
+from planner.cli.declared import complete_cell, file_of, new_file, new_folder, new_folder_of_files
 from planner.common.calls import typed_fields
 from planner.common.commands import extension_commands
 from planner.common.errors import did_you_mean

@@ -34,10 +34,10 @@ class _LearntError(Exception):
 
 def _replace_give(change) -> None:  # type: ignore[no-untyped-def]
     """Let commands do their work as ``change`` says it, given the work."""
-    from planner.cli import calibration_commands, plan_commands
+    from planner.cli import calibration_commands
     from planner.cli.terminal import give
 
-    for module in (calibration_commands, plan_commands):
+    for module in (calibration_commands,):
         module.give = lambda work, *options, **named: give(change(work), *options, **named)  # type: ignore[attr-defined]
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from planner.common.arrays import Rows, mirror_lower
+from planner.common.units import Rows, mirror_lower
 
 
 @pytest.mark.parametrize("size", [1, 5, 256, 700])

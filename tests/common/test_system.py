@@ -12,7 +12,7 @@ import pytest
 import serial
 
 from planner.centring.indicators import SerialIndicators
-from planner.centring.live_gauge import LiveGauge
+from planner.centring.live_session import LiveGauge
 from planner.centring.settings import PROTOCOLS
 from planner.common import exchange, system
 from planner.common.errors import InputError

@@ -8,7 +8,7 @@ import pytest
 from planner.common.errors import InputError
 from planner.common.files import data_folder
 from planner.compensation.compensated_program import compensate_program
-from planner.compensation.module_files import output_paths
+from planner.compensation.languages import output_paths
 from tests.command import edbb
 from tests.compensation.test_formats import krl
 from tests.compensation.test_partial import GOOD, GOOD_RAPID, NULL, pose, target

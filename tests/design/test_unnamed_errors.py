@@ -5,7 +5,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.design.free_parameters import undeclared_errors
-from planner.design.learnt_posterior import LearntPosterior
+from planner.design.learnt_sizes import LearntPosterior
 from planner.design.unnamed_errors import add_unnamed_errors
 from planner.model.tool_error import ToolError, uniform_states
 from planner.next_session.live_estimate import families

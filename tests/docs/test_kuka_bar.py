@@ -7,8 +7,7 @@ from itertools import pairwise
 import pytest
 
 from planner.cell.reading import gauge_class, load_cell
-from planner.centring.live_gauge import open_log
-from planner.centring.live_session import MeasuringSession, program_remark
+from planner.centring.live_session import MeasuringSession, open_log, program_remark
 from planner.session.neutral_program import driven_form, session_program, write_programs, write_session
 from planner.session.planned_session import load_session
 from tests.docs.test_pages import PAGES, ROOT

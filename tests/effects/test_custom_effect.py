@@ -63,7 +63,7 @@ def test_an_effect_in_one_file_is_simulated_and_found(tmp_path):
 def test_its_name_and_its_key_are_known_with_the_file_only(hose, tmp_path):
     run = simulate(wide_plan(tmp_path, calibrate=10), seed=1).run
     cell = cell_in(tmp_path, ROBOT, 1, ())
-    setup = importlib.import_module("planner.cell.setup").setup_of(cell)
+    setup = importlib.import_module("planner.cell.cell").setup_of(cell)
     (first, *_) = [e for e in catalogue(setup, run.samples) if e.kind == "hose pull"]
     phi = first.make()[0].main_move.phi
     assert phi_from_key("hose:4", 6) == phi == hose.HoseWinding(3)

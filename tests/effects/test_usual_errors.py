@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.effects.catalogue import Excitation
 from planner.effects.effect import BASE_TURNS
 from planner.effects.phi_keys import phi_from_key

@@ -12,8 +12,7 @@ import polars as pl
 
 import tests.programs.sessions as sessions
 from planner.cell.reading import load_cell
-from planner.centring.journal import open_journal
-from planner.centring.path import read_planned_path
+from planner.centring.journal import open_journal, read_planned_path
 from planner.centring.settings import read_settings
 from planner.compensation.compensated_file import compensate_file
 from planner.design.discrimination.findings import read_identification

@@ -18,7 +18,7 @@ from planner.common.units import DEG, from_deg
 from planner.effects.basis import ONE
 from planner.effects.effect import Parameter, ParameterMove, reading_move, transform_move
 from planner.effects.gauge_unknowns import GaugeUnknowns
-from planner.runs.scalars import ScalarReadings, column_of, register_scalar
+from planner.runs.run import ScalarReadings, column_of, register_scalar
 
 
 @register_scalar

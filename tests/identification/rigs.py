@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from planner.cell.cell import MeasurementSetup, setup_of
 from planner.cell.placement import Targets
 from planner.cell.reading import load_cell
-from planner.cell.setup import MeasurementSetup, setup_of
 from planner.effects.compliance import compliance_parameters
 from planner.gauges.ball_socket import BallSocket
 from planner.gauges.bar import DoubleBallBar

@@ -12,8 +12,8 @@ from scipy.stats import multivariate_normal
 
 import planner.inference.posterior_draws as draws
 import planner.inference.posterior_fit as mixture_room
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.effects.catalogue import Excitation
 from planner.effects.gauge_shapes import GAUGE_HANGING, GAUGE_SHAPE, BarShape, gauge_shapes
 from planner.fit.assumptions import EXPECTED_CAUSES, PREVALENCE

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.documents.expected_error import expected_error_content
 from planner.effects.catalogue import Excitation
 from planner.effects.compliance import LoadMoment

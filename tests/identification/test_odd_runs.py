@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.effects.backlash import Hysteresis
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Parameter, transform_move

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.fit.noise import Noise
 from planner.fit.run_setup import check_pull, locate_gauge, setup_for_run

@@ -9,7 +9,7 @@ import pytest
 from planner.cell.places import joint_keys
 from planner.common.errors import InputError
 from planner.compensation.correction import NominalFlange, correct_joints
-from planner.compensation.unmet_targets import target_problems
+from planner.compensation.nominal_angles import target_problems
 from planner.effects.context import gravity_torque
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.kinematics.robot import SLIDE

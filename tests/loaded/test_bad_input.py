@@ -8,7 +8,7 @@ import pytest
 import tests.loaded.shared as shared
 import tests.loaded.world as world
 from planner.cell.reading import load_cell
-from planner.circular.circle import circles_of, replace_circles
+from planner.circular.plan import circles_of, replace_circles
 from planner.circular.planning import check_loads, load_notes, plan_circles
 from planner.common.errors import InputError, PlannerError
 from planner.common.progress import Stages

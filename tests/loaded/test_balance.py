@@ -7,8 +7,8 @@ import pytest
 
 import tests.loaded.shared as shared
 import tests.loaded.world as world
+from planner.cell.cell import setup_of
 from planner.cell.placement import Targets
-from planner.cell.setup import setup_of
 from planner.effects.compliance import compliance_parameters
 from planner.model.model import Model
 from planner.runs.run import Samples

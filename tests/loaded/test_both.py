@@ -11,18 +11,18 @@ import planner.workflow.loaded_planning as loaded_both
 import tests.loaded.shared as shared
 import tests.loaded.world as world
 from planner.cell.reading import load_cell
-from planner.circular.circle import circles_of
+from planner.circular.plan import circles_of
 from planner.common.errors import InputError, NoSolutionError
 from planner.design.selection.d_optimal import augment_design
-from planner.loaded.both_bars import collision_free_places
 from planner.loaded.circle_candidates import find_circle_places
 from planner.loaded.common_fit import (
     UnloadedPoses,
+    collision_free_places,
     has_same_tool,
     predict_common_fit,
     select_circles_beside,
 )
-from planner.loaded.place_results import common_fit_content, describe_common_fit
+from planner.loaded.results import common_fit_content, describe_common_fit
 from planner.workflow.loaded_planning import fit_cell, plan_both
 
 FREE = "abb-irb6700/edbb"

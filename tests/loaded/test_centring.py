@@ -6,7 +6,7 @@ from scipy.optimize import curve_fit
 
 import tests.loaded.shared as shared
 import tests.loaded.world as world
-from planner.loaded.equilibrium import centring_offset
+from planner.loaded.compliance import centring_offset
 from planner.reproduction.loaded_bar import fit_sine
 
 THETA = (np.arange(360) + 0.5) * 2 * np.pi / 360

@@ -9,9 +9,9 @@ from scipy.stats import chi2
 
 import tests.loaded.shared as shared
 import tests.loaded.world as world
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
-from planner.circular.circle import replace_circles
+from planner.circular.plan import replace_circles
 from planner.common.errors import InputError
 from planner.loaded.assumptions import JOINT_FIT
 from planner.loaded.circle_candidates import find_own_place, planned_curves

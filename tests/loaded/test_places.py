@@ -9,9 +9,9 @@ import pytest
 
 import tests.loaded.shared as shared
 import tests.loaded.world as world
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
-from planner.circular.circle import circles_of, replace_circles
+from planner.circular.plan import circles_of, replace_circles
 from planner.common.errors import InputError, NoSolutionError
 from planner.loaded.circle_candidates import (
     find_circle_places,
@@ -25,7 +25,7 @@ from planner.loaded.circle_candidates import (
 from planner.loaded.common_fit import UnloadedPoses, predict_common_fit
 from planner.loaded.compliance import fit_compliances
 from planner.loaded.curves import average_curves
-from planner.loaded.place_results import places_content, places_csv
+from planner.loaded.results import places_content, places_csv
 from planner.runs.run import Samples
 from planner.workflow.loaded_planning import CirclePlacesResult, study_places
 

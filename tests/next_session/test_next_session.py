@@ -18,13 +18,12 @@ from planner.design.candidates.pool import PoseSet
 from planner.design.expected_errors import error_limit, square_error_limit
 from planner.model.identification_document import Identification
 from planner.next_session.planned_poses import NextSessionChooser
-from planner.next_session.remaining_errors import CalibratedState, RemainingErrors
-from planner.next_session.where_it_counts import places_in_region, places_of_program
+from planner.next_session.remaining_errors import CalibratedState, RemainingErrors, places_in_region, places_of_program
 from planner.runs.loader import load_runs
 from planner.runs.run import Samples
 from planner.runs.writer import save_run
-from planner.session.bar_poses import BarPoses
 from planner.session.options import PlanOptions
+from planner.session.point_poses import BarPoses
 from planner.session.validation_poses import order_by_distance
 from planner.workflow.identification import identify
 from tests.identification.worlds import arm_of

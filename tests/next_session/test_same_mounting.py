@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
-from planner.common.content_hashes import part_hashes
 from planner.common.errors import InputError
+from planner.common.object_hashes import part_hashes
 from planner.design.expected_errors import error_limit
 from planner.kinematics.robot_hash import model_text_hash
 from planner.model.finding import Finding
 from planner.next_session.live_estimate import LiveEstimate, PoseReading, mean_errors
-from planner.next_session.more_poses import foresee_more_poses, minutes_a_pose
+from planner.next_session.planned_poses import foresee_more_poses, minutes_a_pose
 from planner.next_session.remaining_errors import CalibratedState, RemainingErrors, leave_standing
 from planner.runs.run import FIRST_MOUNTING, Samples
 from planner.session.movable_cell import cell_files

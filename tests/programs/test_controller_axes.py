@@ -15,9 +15,9 @@ from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.instructions import Entry, JointMove
 from planner.programs.rendering import axis_names
 from planner.programs.verification import ProgramMismatchError, read_texts, write_and_read_back
-from planner.session.cell_checks import settle_dialects
 from planner.session.neutral_program import build_program, write_session
 from planner.session.options import PlanOptions
+from planner.session.planning import settle_dialects
 from tests.kinematics.test_axes import ARMS, makers_joints
 from tests.programs import sessions
 

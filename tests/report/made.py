@@ -10,16 +10,14 @@ from planner.cell.reading import load_cell
 from planner.design.candidates.pool import draw_candidates
 from planner.design.off_grid import certify_off_grid
 from planner.design.pose_selection import PoseChoice, identify_candidates
-from planner.design.selection.index_curves import compute_index_curve
-from planner.design.selection.index_search import exchange_poses
+from planner.design.selection.index_search import compute_index_curve, exchange_poses
 from planner.kinematics.geometry import bar_state
 from planner.motion.path.verdict import PathLeg, ProvenPath, Verdict
 from planner.motion.timing.leg_times import axis_limits
 from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import solve_tour
 from planner.runs.run import FIRST_MOUNTING, Mounting
-from planner.session.course import Waypoints, time_course
-from planner.session.plan_types import Drive, Plan, Visit, motion_signs
+from planner.session.plan_types import Drive, Plan, Visit, Waypoints, motion_signs, time_course
 from planner.session.tour_cost import tour_costs
 from tests.not_everywhere import require_planning
 

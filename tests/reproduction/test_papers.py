@@ -10,8 +10,7 @@ import pytest
 
 from planner.cli.app import load_command
 from planner.reproduction.loaded_bar import fit_from_first_guess, fit_sine
-from planner.reproduction.numbers import LONG, QUICK, compute_group
-from planner.reproduction.page import page_html, page_markdown
+from planner.reproduction.papers_result import LONG, QUICK, compute_group, page_html, page_markdown
 from planner.reproduction.rows import ROWS, count_verdicts, rows_of, stored_numbers
 
 PAGE = Path(__file__).parents[2] / "docs" / "papers.md"

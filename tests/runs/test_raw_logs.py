@@ -9,10 +9,10 @@ import scipy.io
 
 from planner.common.errors import InputError
 from planner.kinematics.robot_reader import load_robot
+from planner.runs.joint_motion import bring_within_limits
 from planner.runs.loader import load_run
 from planner.runs.proposed_map import proposed_map
 from planner.runs.traces import import_run
-from planner.runs.wrapped_angles import bring_within_limits
 from tests.command import edbb
 
 UR = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")

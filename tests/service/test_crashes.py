@@ -17,8 +17,7 @@ from planner.service import job_store
 from planner.service.context import Supervisor
 from planner.service.database import Database
 from planner.service.file_store import FileStore
-from planner.service.job_filter import JobFilter
-from planner.service.job_record import JobCommand
+from planner.service.job_record import JobCommand, JobFilter
 from planner.service.job_store import JobStore
 from planner.service.settings import JobLimits
 from tests.service.conftest import PATIENCE_S, wait_until

@@ -16,7 +16,7 @@ import pytest
 from planner.common.errors import InputError
 from planner.common.files import INPUTS
 from planner.kinematics.bodies import BodyFile
-from planner.service import connections, file_api, job_store, serving
+from planner.service import file_api, job_store, methods, serving
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_process import DAMAGED
@@ -240,7 +240,7 @@ PATIENCE_S = 60.0  # of a test: the machine may be busy
 def impatient_server(tmp_path_factory):
     """A service that waits 1 s for headers, and as long for a body that is no upload."""
     code = (
-        "import planner.service.connections as c, planner.service.guards as g, sys; c.HEADER_S = g.Guard.body_s = 1.0;"
+        "import planner.service.methods as c, planner.service.guards as g, sys; c.HEADER_S = g.Guard.body_s = 1.0;"
         "from planner.cli.app import main;"
         f"sys.argv = ['edbb', 'serve', '--port', '0', '--data', {str(tmp_path_factory.mktemp('data'))!r}]; main()"
     )
@@ -332,8 +332,8 @@ def test_a_second_request_over_one_connection_has_the_same_time(impatient):
 
 
 def test_the_limits_at_the_door():
-    assert connections.HEADER_S <= 20
-    assert connections.MOST_WAITING * 9 < 1000, "nine addresses leave room for a tenth"
+    assert methods.HEADER_S <= 20
+    assert methods.MOST_WAITING * 9 < 1000, "nine addresses leave room for a tenth"
     assert DAMAGED not in (0, 1, 2, 3, 4, 5)
     assert os.path.exists("/proc/self/oom_score_adj") == (sys.platform == "linux")
 

@@ -15,9 +15,8 @@ from planner.service import job_request
 from planner.service.backup import back_up, restore
 from planner.service.database import Database
 from planner.service.file_store import FileStore, UnknownFileError
-from planner.service.job_filter import JobFilter
 from planner.service.job_keeping import JobKeeper, KeptJobError
-from planner.service.job_record import JobCommand, JobInput, JobOutput
+from planner.service.job_record import JobCommand, JobFilter, JobInput, JobOutput
 from planner.service.job_store import JobStore
 from planner.service.record_index import RecordIndex
 from planner.service.settings import DAY_S, Retention

@@ -18,8 +18,7 @@ from planner.checks.results import verdict_content
 from planner.common.errors import InputError
 from planner.service.database import FIRST, VERSION, Database
 from planner.service.file_store import FileStore
-from planner.service.job_filter import JobFilter, JobPlace
-from planner.service.job_record import JobCommand, JobOutput
+from planner.service.job_record import JobCommand, JobFilter, JobOutput, JobPlace
 from planner.service.job_store import JobStore
 from planner.service.record_index import LOOK_S, RecordIndex, RobotFilter
 from tests.checks.fleet import NAME

@@ -13,11 +13,11 @@ from urllib.parse import urlsplit
 import pytest
 
 from planner.common.errors import InputError
-from planner.service.access_log import LOG, access_line, open_log
 from planner.service.callers import Caller
 from planner.service.database import Database
 from planner.service.job_record import JobCommand
 from planner.service.job_store import JobStore
+from planner.service.methods import LOG, access_line, open_log
 from planner.service.settings import WebhookSettings
 from planner.service.webhook import BlockedAddressError, Notifier, is_public, resolve_host, send_notice
 from tests.service.conftest import client_of, wait_until

@@ -20,11 +20,9 @@ from planner.service.page_content import plan_facts
 from planner.service.pages import render
 from planner.service.runner import SHIPPED
 from planner.service.serving import build_context
-from planner.service.sheets import session_content
-from planner.service.tasks import check_run
-from planner.service.views import check_view
-from planner.session.document import PlanDocument
-from planner.session.document_parts import ForesightRecord
+from planner.service.session_api import session_content
+from planner.service.tasks import check_run, check_view
+from planner.session.document import ForesightRecord, PlanDocument
 from tests.checks.test_record import calibration
 from tests.service.conftest import begin_session, client_of, ended, settings, upload
 from tests.service.test_crashes import CHEAP, Store

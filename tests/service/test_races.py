@@ -20,7 +20,7 @@ from planner.service.backup import back_up, restore
 from planner.service.cluster import ClusterRunner
 from planner.service.cluster_work import Work, WorkEnd
 from planner.service.database import Database
-from planner.service.file_answer import StoredFileResponse
+from planner.service.file_api import StoredFileResponse
 from planner.service.file_store import FileStore
 from planner.service.guesses import PATIENCE, GuessLimit
 from planner.service.job_keeping import JobChanges, JobKeeper, KeptJobError

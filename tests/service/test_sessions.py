@@ -5,7 +5,7 @@ import sqlite3
 import pytest
 
 from planner.service.database import MIGRATIONS, RECORDS, Database
-from planner.service.job_filter import JobFilter
+from planner.service.job_record import JobFilter
 from planner.service.job_store import JobStore
 from planner.service.session_store import SessionStore
 from tests.service.conftest import begin_session, client_of

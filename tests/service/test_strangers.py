@@ -15,8 +15,7 @@ from planner.compensation.formats.rapid_frames import Names
 from planner.compensation.languages import read_targets
 from planner.compensation.targets import TargetReading
 from planner.kinematics.robot_reader import load_robot
-from planner.motion.collision.mesh_size import count_triangles
-from planner.motion.collision.scene import mesh_faces
+from planner.motion.collision.scene import count_triangles, mesh_faces
 from planner.service.job_folder import JobFolder
 from planner.service.private_store import keep_private
 

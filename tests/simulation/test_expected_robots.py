@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.common.units import to_mm
 from planner.design.free_parameters import undeclared_errors
 from planner.gauges.frame_gauge import ToolPosition

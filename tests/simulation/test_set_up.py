@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell, read_cell
-from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.simulation.assumptions import CUP_SIGMA
 from planner.simulation.set_up import place_fixtures_by_robot, solve_fixture_pose

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell, read_cell
-from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.runs.loader import load_run

@@ -9,8 +9,8 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.runs.run import Samples
+from planner.simulation.set_up import states_at_balls
 from planner.simulation.truth import draw_truth, read_truth
-from planner.simulation.uncalibrated import states_at_balls
 from tests.simulation.generator.arm import Arm, moment_of_weight
 
 CELL = "kuka-kr6-r700/trical"

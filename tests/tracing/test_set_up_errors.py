@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import tests.simulation.generator.runs as runs
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import implausible_text
 from planner.identification.pipeline import FitSettings, identify

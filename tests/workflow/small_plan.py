@@ -12,8 +12,8 @@ from planner.common.units import Array, round_angles
 from planner.design.candidates.pool import draw_candidates
 from planner.motion.path.constraints import Constraints
 from planner.runs.run import FIRST_MOUNTING
-from planner.session.course import Course, Waypoints, time_course
 from planner.session.plan_record import content_hash, part_hashes, waypoint_records
+from planner.session.plan_types import Course, Waypoints, time_course
 from planner.session.planned_session import NOT_HASHED
 from planner.workflow.writing import write_cell
 from tests.not_everywhere import require_planning

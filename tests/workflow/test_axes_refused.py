@@ -4,7 +4,7 @@ import pytest
 
 from planner.kinematics.robot_reader import load_robot
 from planner.kinematics.robot_writer import RobotCorrections, write_robot
-from planner.session.bar_poses import BarPoses
+from planner.session.point_poses import BarPoses
 from tests.command import edbb
 
 ADD = ("[controllers.", "same = true", "sense = [1, 1, 1, 1, 1, 1]", "robot.md", "kuka-kr6-r700/robot.toml")

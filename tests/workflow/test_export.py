@@ -14,11 +14,10 @@ from planner.kinematics.axes import AxisConvention
 from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.verification import shared_notes, write_and_read_back
 from planner.runs.run import FIRST_MOUNTING
-from planner.session.course import Waypoints, time_course
 from planner.session.neutral_program import assemble_programs, check_emitted_speeds, session_program
 from planner.session.notes import bar_notes, session_notes
 from planner.session.plan_record import content_hash
-from planner.session.plan_types import Drive, Visit
+from planner.session.plan_types import Drive, Visit, Waypoints, time_course
 from planner.session.planned_session import NOT_HASHED, load_session
 from planner.workflow.plan_use import export
 from planner.workflow.writing import write_cell, write_program_as

@@ -10,8 +10,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.session.as_published import follow_paper
-from planner.session.bar_poses import BarPoses
 from planner.session.options import PlanOptions
+from planner.session.point_poses import BarPoses
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan
 from tests.command import edbb

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.model.finding import Finding
 from planner.model.finding_groups import list_causes
-from planner.workflow.separable_findings import can_be_told_apart
+from planner.workflow.identification import can_be_told_apart
 from tests.independent_arms import runs
 
 

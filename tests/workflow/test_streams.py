@@ -10,8 +10,8 @@ from planner.common.units import MM
 from planner.motion.timing.leg_times import tool_speed
 from planner.programs.controller_axes import axis_convention
 from planner.programs.dialect import dialects
-from planner.session.course import Waypoints, time_course
 from planner.session.neutral_program import session_program, write_session
+from planner.session.plan_types import Waypoints, time_course
 from tests.programs.test_streams import STEP, follow, largest_share
 from tests.shipped import shipped_cell
 

@@ -15,13 +15,15 @@ from planner.compensation.formats.rapid_frames import (
     FrameTable,
     Names,
     Placed,
+    ToolTurning,
     calls_any,
+    is_circle,
+    is_linear,
     is_read_only,
     may_change,
     names_in_calls,
     place,
 )
-from planner.compensation.formats.rapid_turning import ToolTurning, is_circle, is_linear
 from planner.compensation.rotations import pose_matrix
 from planner.programs.dialect import Dialect
 from planner.programs.languages.rapid import JOINT_TARGET, ROB_TARGET, UNUSED_AXIS, Argument, RapidMove, parse

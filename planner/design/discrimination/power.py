@@ -14,8 +14,8 @@ from planner.design.assumptions import (
     LOG_LIKELIHOOD_EVIDENCE,
     SURE_POWER,
 )
-from planner.design.discrimination.criterion import PoolCoordinates, noncentrality
 from planner.design.discrimination.questions import QuestionSet, RivalPair, effect_kind
+from planner.design.discrimination.search import PoolCoordinates, noncentrality
 from planner.design.selection.matrix_forms import sum_largest
 
 

@@ -10,8 +10,8 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
 from planner.design.assumptions import NEW_SPAN_SHARE, REMEMBERED_POSES, SECONDS_BETWEEN_POSES
 from planner.design.candidates.pool import PoseSet
-from planner.design.discrimination.criterion import DiscriminationQuestion, orthonormal_span
 from planner.design.discrimination.findings import IdentificationResult, IdentifiedEffect
+from planner.design.discrimination.search import DiscriminationQuestion, orthonormal_span
 from planner.design.observability.information import stack_rows
 from planner.effects.catalogue import catalogue, needs_of
 from planner.effects.effect import Effect, Parameter

@@ -1,3 +1,3 @@
 """Optimal design: pruning, exchange, certificates of the indices, refinement."""
 
-__all__ = ["certificate", "d_optimal", "index_bound", "index_curves", "index_search", "pruning"]
+__all__ = ["certificate", "d_optimal", "index_bound", "index_search", "pruning"]

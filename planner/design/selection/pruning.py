@@ -14,7 +14,7 @@ from planner.common.determinism import Positions, on_one_thread, round_significa
 from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.design.observability.information import find_rule, index_value
-from planner.design.selection.index_curves import find_knee
+from planner.design.selection.index_search import find_knee
 from planner.design.selection.matrix_forms import information_matrix, quadratic_form
 
 EXACT_FROM = 3_400

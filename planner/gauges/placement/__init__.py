@@ -1,3 +1,3 @@
 """Where gauges stand and sit, found from a run without a start value."""
 
-__all__ = ["flange_poses", "frames"]
+__all__ = ["frames", "solver"]

@@ -7,8 +7,15 @@ import numpy as np
 from planner.common.errors import InputError
 from planner.common.robust import HUBER_SIGMAS, MEDIAN_NORM, huber_weights
 from planner.common.units import Array, IntArray, read_only
-from planner.gauges.placement.flange_poses import FlangePoses, directions, largest_group, tool_grid
-from planner.gauges.placement.solver import PlacementUnknown, Schedule, find_placement
+from planner.gauges.placement.solver import (
+    FlangePoses,
+    PlacementUnknown,
+    Schedule,
+    directions,
+    find_placement,
+    largest_group,
+    tool_grid,
+)
 
 
 @dataclass(frozen=True)

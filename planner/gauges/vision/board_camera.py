@@ -23,8 +23,8 @@ from planner.effects.basis import BasisFunction
 from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, Place, transform_move
-from planner.gauges.placement.flange_poses import LOCATED_SIGMA, flange_poses
 from planner.gauges.placement.frames import place_frames
+from planner.gauges.placement.solver import LOCATED_SIGMA, flange_poses
 from planner.gauges.vision.board_pose import BoardPoses, drop_far_corners, find_board, pose_slopes
 from planner.gauges.vision.lens import Lens
 from planner.gauges.vision.sight import BoardSight

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from planner.cell.cell import MeasurementSetup
 from planner.cell.placement import P, Placement
-from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context

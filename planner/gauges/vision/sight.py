@@ -1,12 +1,15 @@
-"""Where a camera sees a board whole and sharp, how both stand in a cell, and what a person does with them."""
+"""Where a camera sees a board whole and sharp, how both stand in a cell, and what a person does with them.
+
+What a cell file says of a camera and its board: ``[gauge.lens]``, ``[gauge.board]``, ``[gauge.place]``.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel
+from pydantic import BaseModel, Field, PositiveFloat, PositiveInt
 
 from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge_types import (
@@ -22,17 +25,52 @@ from planner.cell.parts import Fixture
 from planner.cell.places import placed_frame
 from planner.cell.site import Site
 from planner.common.errors import InputError
+from planner.common.schema import StrictModel
 from planner.common.sequences import sobol_points
 from planner.common.units import MM, Array, read_only
 from planner.gauges.frame_gauge import FrameGauge
-from planner.gauges.vision.board import Board
-from planner.gauges.vision.camera_keys import CameraKeys
+from planner.gauges.vision.board import Board, BoardFile
 from planner.gauges.vision.lens import Lens
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.geometry import bar_state, exp3, tilt_angle
 from planner.kinematics.inverse_kinematics import solve_pose_ik
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting
+
+
+class LensFile(StrictModel):
+    """``[gauge.lens]``: the camera's intrinsics as OpenCV has them."""
+
+    fx_px: PositiveFloat
+    fy_px: PositiveFloat
+    cx_px: float
+    cy_px: float
+    distortion: tuple[float, ...] = Field(default=(), max_length=5)  # k1, k2, p1, p2, k3
+    width_px: PositiveInt
+    height_px: PositiveInt
+    free: bool = False  # whether a run finds them; the file then says where to begin
+
+    @property
+    def lens(self) -> Lens:
+        """Return the lens of these keys."""
+        bent = np.array([*self.distortion, *[0.0] * 5][:5])
+        return Lens(
+            read_only([self.fx_px, self.fy_px]),
+            read_only([self.cx_px, self.cy_px]),
+            read_only(bent),
+            (self.width_px, self.height_px),
+        )
+
+
+class CameraKeys(StrictModel):
+    """The keys of ``[gauge]`` that only a camera has."""
+
+    camera: Literal["flange", "stand"]
+    board: BoardFile
+    lens: LensFile
+    noise_px: PositiveFloat = 0.3
+    place: PlacedFile | None = None
+    tool_rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -1,3 +1,3 @@
 """Distances between the bodies of a cell, by two engines."""
 
-__all__ = ["body_gaps", "engines", "placed_shapes", "scene", "surroundings"]
+__all__ = ["body_gaps", "engines", "scene", "surroundings"]

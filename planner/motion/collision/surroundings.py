@@ -14,9 +14,8 @@ from planner.common.units import Array, to_mm
 from planner.kinematics.bodies import Body
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_in_other_convention
-from planner.motion.collision.body_gaps import refuse_foreign_bodies
+from planner.motion.collision.body_gaps import place_shape, refuse_foreign_bodies, shape_at, shape_distance
 from planner.motion.collision.engines import CollisionWorld
-from planner.motion.collision.placed_shapes import place_shape, shape_at, shape_distance
 from planner.motion.collision.scene import (
     FLOOR,
     SceneBody,

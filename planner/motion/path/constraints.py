@@ -9,8 +9,7 @@ from planner.cell.workspace import Workspace
 from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.units import MM, Array, to_deg, to_mm
 from planner.motion.collision.engines import CollisionWorld
-from planner.motion.collision.fcl_world import FclWorld
-from planner.motion.collision.round_bounds import ScreenedDistances
+from planner.motion.collision.fcl_world import FclWorld, ScreenedDistances
 from planner.motion.collision.scene import Scene, build_scene
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
 from planner.motion.path.proof import Extremes, Proof, Prover, find_extremes

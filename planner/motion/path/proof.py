@@ -7,10 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from planner.common.arrays import Rows
 from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.second_process import ForkedWorker
-from planner.common.units import Array
+from planner.common.units import Array, Rows
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
 from planner.motion.tolerances import CLEARANCE_TOLERANCE, MOST_BISECTIONS
 

@@ -1,3 +1,3 @@
 """The path over time, within the limits of the joints and the tool."""
 
-__all__ = ["curve", "leg_times", "limits", "trajectory"]
+__all__ = ["curve", "leg_times", "trajectory"]

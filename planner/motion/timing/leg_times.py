@@ -3,9 +3,8 @@
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.arrays import CACHED_ROWS
-from planner.common.units import Array
-from planner.motion.timing.limits import Limits
+from planner.common.units import CACHED_ROWS, Array
+from planner.motion.timing.curve import Limits
 from planner.runs.run import Mounting
 
 LEG_PIECES = 16  # of a leg, each driven at its own slowest limit

@@ -13,7 +13,7 @@ import numpy as np
 from planner.common.errors import PlannerError
 from planner.common.units import Array, read_only
 from planner.motion.planning_packages import is_installed, ruckig
-from planner.motion.timing.limits import Mask
+from planner.motion.timing.curve import Mask
 from planner.motion.timing.profile import Steps
 from planner.motion.timing.ramps import double_s_phases
 from planner.motion.tolerances import PHASE_TOLERANCE

@@ -5,10 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.common.arrays import Rows
-from planner.common.units import Array, read_only
-from planner.motion.timing.curve import PathCurve
-from planner.motion.timing.limits import Index, Limits, Mask, ReadingLimits, ToolJacobian
+from planner.common.units import Array, Rows, read_only
+from planner.motion.timing.curve import Index, Limits, Mask, PathCurve, ReadingLimits, ToolJacobian
 from planner.motion.timing.ramps import reachable_speed, travel_time
 from planner.motion.tolerances import BLEND_SPEED_RATIO, CURVATURE_SHARE, STRAIGHT_SPEED_RATIO, STRETCH_CHANGE
 

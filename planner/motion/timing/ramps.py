@@ -4,7 +4,7 @@ section 3.4)."""
 import numpy as np
 
 from planner.common.units import Array
-from planner.motion.timing.limits import Mask
+from planner.motion.timing.curve import Mask
 
 
 def ramp_time(change: Array, acceleration: Array, jerk: Array) -> Array:

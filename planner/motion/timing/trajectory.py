@@ -8,19 +8,22 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.common.arrays import Rows
 from planner.common.lazy_modules import pl
-from planner.common.units import Array, read_only, to_deg, to_mm
-from planner.motion.timing.curve import Corners, PathCurve, build_curve, closest_passages, round_corners
-from planner.motion.timing.limits import (
+from planner.common.units import Array, Rows, read_only, to_deg, to_mm
+from planner.motion.timing.curve import (
+    Corners,
     Index,
     Limits,
     Mask,
+    PathCurve,
     ReadingLimits,
     TimingRequest,
     ToolJacobian,
     ToolPosition,
+    build_curve,
     check_request,
+    closest_passages,
+    round_corners,
 )
 from planner.motion.timing.phases import Phases, stand_still, time_steps
 from planner.motion.timing.profile import choose_speeds, cut_stretches

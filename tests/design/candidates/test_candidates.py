@@ -11,7 +11,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.sequences import sobol_points
 from planner.design.candidates.pool import Funnel, draw_candidates, explain_empty, explain_few
-from planner.gauges.lines import sample_shell, shell_points
+from planner.gauges.frame_gauge import sample_shell, shell_points
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.mount import MountMaps, drop_unreachable

@@ -7,9 +7,15 @@ import numpy as np
 import pytest
 
 from planner.design.assumptions import LOG_LIKELIHOOD_EVIDENCE
-from planner.design.discrimination.criterion import DiscriminationQuestion, PoolCoordinates, dt_criterion, noncentrality
 from planner.design.discrimination.power import discrimination_power
-from planner.design.discrimination.search import bound_criterion, exchange_by_criterion
+from planner.design.discrimination.search import (
+    DiscriminationQuestion,
+    PoolCoordinates,
+    bound_criterion,
+    dt_criterion,
+    exchange_by_criterion,
+    noncentrality,
+)
 from planner.design.pose_selection import warn_too_few_readings
 from planner.design.selection.matrix_forms import information_matrix
 

@@ -14,9 +14,9 @@ from planner.design.observability.information import find_rule
 from planner.design.off_grid import refine_poses
 from planner.design.pose_selection import judge_poses, replace_all
 from planner.session import planning
-from planner.session.bar_poses import BarPoses
 from planner.session.mount import join_to_mounts, with_mounts
 from planner.session.options import PlanOptions
+from planner.session.point_poses import BarPoses
 from planner.session.tour_drive import Unreachable
 
 

@@ -11,17 +11,16 @@ import tests.design.observability.dh_arm as dh_arm
 from planner.common.errors import InputError
 from planner.design.observability.identifiability import find_identifiable
 from planner.design.observability.information import INDEX_RULES, index_value
+from planner.design.off_grid import refine_off_grid
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.index_criterion import (
     BarrierPotential,
     SwapTable,
     information_after,
 )
-from planner.design.selection.index_curves import compute_index_curve, find_knee
-from planner.design.selection.index_search import exchange_poses
+from planner.design.selection.index_search import compute_index_curve, exchange_poses, find_knee
 from planner.design.selection.matrix_forms import information_matrix
 from planner.design.selection.pruning import PrunedPoses, prune_poses
-from planner.design.selection.refinement import refine_off_grid
 from planner.design.selection.search import Swap
 from tests.design.observability.dh_arm import NJ130
 from tests.processors import with_threads

@@ -11,12 +11,12 @@ import pytest
 
 from planner.common.errors import InputError
 from planner.common.second_process import ForkedTask, ForkedWorker
-from planner.design.selection.index_curves import BackgroundCurve, compute_index_curve
+from planner.design.selection.index_search import BackgroundCurve, compute_index_curve
 from tests.processors import keep_to_one, use_all
 
 SLOW = """
 import sys, time, numpy as np
-from planner.design.selection.index_curves import BackgroundCurve
+from planner.design.selection.index_search import BackgroundCurve
 rows = np.random.default_rng(0).normal(size=(3000, 1, 25))
 curve = BackgroundCurve(rows, range(26, 300), "O2", 0)
 print(curve.pid, flush=True)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
 from planner.effects.free_laws import BeamTwist, beam_laws

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError, NoSolutionError
-from planner.gauges.placement.flange_poses import FlangePoses
 from planner.gauges.placement.frames import FrameProblem, PlacementFrames, place_frames
+from planner.gauges.placement.solver import FlangePoses
 from planner.kinematics.geometry import exp3, log3, small_log3
 from tests.gauges.placement.arms import ARMS, ball_in, poses, turned
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError, NoSolutionError
-from planner.gauges.placement.flange_poses import FlangePoses
 from planner.gauges.placement.lengths import place_lengths
+from planner.gauges.placement.solver import FlangePoses
 from tests.gauges.placement.arms import ARMS, ball_in, flange, shell
 
 ERROR = 3e-3  # [m] of the robot, each axis

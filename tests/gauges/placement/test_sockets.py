@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from planner.gauges.placement.flange_poses import FlangePoses
-from planner.gauges.placement.sockets import place_sockets
+from planner.gauges.placement.frames import place_sockets
+from planner.gauges.placement.solver import FlangePoses
 from tests.gauges.placement.arms import ARMS, ball_in, poses, turned
 
 ERROR = 3e-3

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from planner.cell.cell import MeasurementSetup
 from planner.cell.placement import Targets
-from planner.cell.setup import MeasurementSetup
 from planner.effects.compliance import compliance_parameters
 from planner.effects.effect import Parameter, robot_parameters, transform_move
 from planner.fit.identifiable_parameters import estimate_parameters

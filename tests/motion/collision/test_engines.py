@@ -12,8 +12,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld
-from planner.motion.collision.fcl_world import FclWorld
-from planner.motion.collision.round_bounds import RoundBounds, ScreenedDistances
+from planner.motion.collision.fcl_world import FclWorld, RoundBounds, ScreenedDistances
 from tests.not_everywhere import fcl
 from tests.workflow.test_lift import LIFT
 from tests.workflow.test_unchecked_links import cell_of, whole_arm

@@ -12,8 +12,8 @@ from planner.kinematics.robot_reader import load_robot
 from planner.motion.collision.scene import build_scene
 from planner.motion.collision.surroundings import check_surroundings, unchecked_links_text
 from planner.motion.path.constraints import Constraints
-from planner.session.cell_checks import check_cell
 from planner.session.mount import check_home
+from planner.session.planning import check_cell
 from tests.motion.collision.test_meshes import stl
 
 NJ = "comau-nj130/edbb"

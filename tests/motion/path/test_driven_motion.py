@@ -16,13 +16,12 @@ from planner.motion.tolerances import MOST_BISECTIONS
 from planner.programs.dialect import PathForm, load_dialect
 from planner.programs.instructions import Entry, JointMove, Pause, StretchBegin
 from planner.runs.run import FIRST_MOUNTING
-from planner.session.circle_motion import circle_polygons
-from planner.session.course import Waypoints, time_course
-from planner.session.driven_motion import Chain, Held, recover_motion
+from planner.session.driven_motion import Chain, Held, circle_polygons, recover_motion
 from planner.session.driven_moves import dense_moves
 from planner.session.judgement import judge_program
 from planner.session.motion_hulls import enclose_steps, motion_hulls
 from planner.session.neutral_program import session_program
+from planner.session.plan_types import Waypoints, time_course
 from tests.workflow.small_plan import proven_tour, small_course
 
 CELL = "kuka-kr6-r700/edbb"

@@ -10,7 +10,7 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.programs.instructions import Comment, Instruction, JointMove, StretchBegin
 from planner.runs.run import FIRST_MOUNTING
-from planner.session.course import TimedPath
+from planner.session.plan_types import TimedPath
 from planner.session.tour_cost import cut_stretches, entry_paths, leg_times, tour_costs
 
 

@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 
-from planner.motion.timing.limits import Limits
+from planner.motion.timing.curve import Limits
 from planner.motion.timing.trajectory import check_limits, plan_trajectory
 from tests.motion.timing.arm import nj130
 from tests.motion.timing.bound import acceleration_bound, largest_share, speed_bound

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
-from planner.motion.timing.curve import PathCurve, build_curve, closest_passages, round_corners
-from planner.motion.timing.limits import check_request
+from planner.motion.timing.curve import PathCurve, build_curve, check_request, closest_passages, round_corners
 from planner.motion.tolerances import PACE_RATIO
 from tests.motion.timing.arm import random_arm, random_tour
 

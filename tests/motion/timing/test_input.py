@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError
-from planner.motion.timing.limits import Limits
+from planner.motion.timing.curve import Limits
 from planner.motion.timing.trajectory import blend_corners, plan_trajectory
 from tests.motion.timing.arm import nj130
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planner.motion.timing.limits import axis_percent
+from planner.motion.timing.curve import axis_percent
 from tests.motion.timing.arm import nj130, random_arm
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner.common.units import read_only
-from planner.motion.timing.limits import Limits
+from planner.motion.timing.curve import Limits
 from planner.motion.timing.phases import time_steps
 from planner.motion.timing.profile import Stretches, choose_speeds
 from planner.motion.timing.ramps import ramp_length, reachable_speed, travel_time

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.motion.timing.limits import Limits, ReadingLimits
+from planner.motion.timing.curve import Limits, ReadingLimits
 from planner.motion.timing.trajectory import check_limits, plan_trajectory
 from tests.motion.timing.arm import nj130
 from tests.motion.timing.bound import KEPT, largest_share

@@ -9,7 +9,7 @@ import pytest
 
 import planner
 import planner.motion.timing.phases as timing
-from planner.motion.timing.limits import Limits
+from planner.motion.timing.curve import Limits
 from planner.motion.timing.trajectory import plan_trajectory
 from tests.motion.timing.arm import nj130
 from tests.not_everywhere import ruckig

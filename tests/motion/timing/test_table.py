@@ -4,7 +4,7 @@ import io
 import numpy as np
 import pytest
 
-from planner.motion.timing.limits import Limits
+from planner.motion.timing.curve import Limits
 from planner.motion.timing.trajectory import plan_trajectory, trajectory_csv, trajectory_table
 from tests.motion.timing.arm import nj130
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner.common.units import read_only
-from planner.motion.timing.limits import Limits
+from planner.motion.timing.curve import Limits
 from planner.motion.timing.phases import time_steps
 from planner.motion.timing.profile import Steps, Stretches, choose_speeds
 from planner.motion.timing.ramps import double_s_phases, ramp_length, travel_time

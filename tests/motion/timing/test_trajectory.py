@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planner.motion.timing.limits import Limits
+from planner.motion.timing.curve import Limits
 from planner.motion.timing.trajectory import check_limits, plan_trajectory
 from tests.motion.timing.arm import nj130, random_arm, random_tour
 from tests.motion.timing.bound import KEPT, acceleration_bound, largest_share, speed_bound

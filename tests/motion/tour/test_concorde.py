@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-import planner.motion.tour.concorde as concorde
+import planner.motion.tour.solve as concorde
 from planner.common.errors import MissingProgramError
 from planner.motion.tour.local_search import LocalSearch
 from planner.motion.tour.solve import solve_tour

@@ -4,8 +4,7 @@ import itertools
 
 import numpy as np
 
-from planner.motion.tour.cuts import Cut, violated_blossoms, violated_sets
-from planner.motion.tour.exact import DUAL_STEPS, Relaxation
+from planner.motion.tour.exact import DUAL_STEPS, Cut, Relaxation, violated_blossoms, violated_sets
 from planner.motion.tour.instance import build_instance
 from tests.motion.tour.conftest import brute_force, leg_costs
 
