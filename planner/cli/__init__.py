@@ -1,3 +1,3 @@
 """The command ``edbb``."""
 
-__all__ = ["terminal"]
+__all__ = ["declared", "terminal"]

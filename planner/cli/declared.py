@@ -93,7 +93,7 @@ def declare_command(
     def command(*, manner: Manner = PLAINLY, **values: Any) -> None:
         """Part what is declared from what the command line alone has, and do the work."""
         mine = {name: values.pop(name) for name in own} | {"manner": manner}
-        if mine["output"] is None and call.needs_output:
+        if call.needs_output and mine["output"] is None:
             mine["output"] = find_output(values | mine)
         work({name: v for name, v in values.items() if v is not None and v != []}, **mine)
 

@@ -4,6 +4,7 @@ import os
 import threading
 import webbrowser
 from collections.abc import Sequence
+from dataclasses import dataclass
 from http.client import HTTPConnection, HTTPException
 from importlib import import_module
 from pathlib import Path
@@ -11,7 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from planner.cli.declared import Values, declare_command, new_folder
 from planner.cli.terminal import environment_token, errors, results
+from planner.common.calls import Call, Option
 from planner.common.errors import InputError, MissingProgramError
 from planner.service.settings import (
     GB,
@@ -30,122 +33,115 @@ from planner.service.settings import (
 if TYPE_CHECKING:
     from planner.service.people_command import UserOptions
 
-Words = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="ACTION",
-        help="backup FOLDER: copy the store, in use or not; restore FOLDER: bring a copy back; keys FOLDER: make the "
-        "keys of a cluster; users ...: who may "
-        "log in (add NAME, list, passwd NAME, role NAME, remove NAME, token NAME, untoken NAME)",
-        show_default=False,
-    ),
-]
-Data = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="where jobs and files are kept (default: ~/.local/share/edbb)")
-]
-Host = Annotated[str, typer.Option(help="address to listen on; beyond this machine people have to log in")]
-Port = Annotated[int, typer.Option(min=0, max=65535, help="0: any free one")]
-Names = Annotated[list[str] | None, typer.Option(help="a further name of this host; may be repeated")]
-Workers = Annotated[int | None, typer.Option(min=1, help="most jobs at a time (default: one a core)")]
-MemoryGb = Annotated[float | None, typer.Option(min=0.25, help="memory of one job")]
-Minutes = Annotated[float, typer.Option(min=0.05, help="time of one job")]
-KeepDays = Annotated[float | None, typer.Option(min=1, help="jobs that ended longer ago are deleted (default: none)")]
-KeepGb = Annotated[
-    float | None, typer.Option(min=0.1, help="the oldest jobs are deleted while files are larger (default: none)")
-]
-Proxy = Annotated[
-    list[str] | None,
-    typer.Option(metavar="ADDRESS", help="proxy or network of proxies whose X-Forwarded-For is believed"),
-]
-ProxyUser = Annotated[
-    str, typer.Option(metavar="HEADER", help="header in which that proxy names who has logged in there")
-]
-ProxyRole = Annotated[
-    Role | None, typer.Option(help="what people may do whom the proxy names and nobody added (default: nothing)")
-]
-PersonJobs = Annotated[int | None, typer.Option(min=1, help="most jobs of one person that wait or run")]
-PersonGb = Annotated[float | None, typer.Option(min=0.001, help="most files of one person")]
-ClusterAddress = Annotated[
-    str, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers compute the jobs, such as tls://host:8786")
-]
-ClusterKeys = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="keys of that cluster; 'edbb serve keys DIR' makes them")
-]
-ClusterUrl = Annotated[str, typer.Option(metavar="URL", help="by which those workers reach this service")]
-Webhook = Annotated[
-    list[str] | None, typer.Option(metavar="URL", help="gets a message when a job ends (signed by EDBB_WEBHOOK_SECRET)")
-]
-WebhookPrivate = Annotated[bool, typer.Option("--webhook-private", help="webhooks may lie in private networks")]
-RootPath = Annotated[str, typer.Option(metavar="PATH", help="where a proxy has the service on its host, such as /edbb")]
-AccessLogFile = Annotated[str, typer.Option(metavar="FILE", help="log of accesses; - for standard error")]
-RoleOption = Annotated[Role | None, typer.Option(help="users add, role: what the person may do (default: work)")]
-Label = Annotated[str, typer.Option(help="users token, untoken: what the token is for")]
-SamePerson = Annotated[bool, typer.Option("--same-person", help="users add: who had this name before is back")]
-NoPassword = Annotated[bool, typer.Option("--no-password", help="users add: a token or a proxy lets the person in")]
-Open = Annotated[bool, typer.Option("--open", help="show the page in a browser; the one that is served there already")]
+Texts = list[str] | None
 
 
-def serve_command(
-    what: Words = None,
-    data: Data = None,
-    host: Host = "127.0.0.1",
-    port: Port = 8017,
-    name: Names = None,
-    workers: Workers = None,
-    memory_gb: MemoryGb = None,
-    minutes: Minutes = 120.0,
-    keep_days: KeepDays = None,
-    keep_gb: KeepGb = None,
-    proxy: Proxy = None,
-    proxy_user: ProxyUser = "",
-    proxy_role: ProxyRole = None,
-    person_jobs: PersonJobs = None,
-    person_gb: PersonGb = None,
-    cluster: ClusterAddress = "",
-    cluster_url: ClusterUrl = "",
-    cluster_keys: ClusterKeys = None,
-    webhook: Webhook = None,
-    webhook_private: WebhookPrivate = False,
-    access_log: AccessLogFile = "",
-    root_path: RootPath = "",
-    role: RoleOption = None,
-    label: Label = "program",
-    no_password: NoPassword = False,
-    same_person: SamePerson = False,
-    open_page: Open = False,
-) -> None:
+@dataclass(frozen=True)
+class ServeCall(Call):
     """Serve the planner to browsers and programs: robots, plans, calibrations, as jobs that survive a crash."""
+
+    verb = "serve"
+    needs_output = False
+
+    what: Annotated[
+        Sequence[str],
+        Option(
+            "backup FOLDER: copy the store, in use or not; restore FOLDER: bring a copy back; keys FOLDER: make the "
+            "keys of a cluster; users ...: who may "
+            "log in (add NAME, list, passwd NAME, role NAME, remove NAME, token NAME, untoken NAME)",
+            metavar="ACTION", is_word=True, typed=list[str] | None,
+        ),
+    ] = ()  # fmt: skip
+    data: Annotated[
+        Path | None, Option("where jobs and files are kept (default: ~/.local/share/edbb)", metavar="DIR")
+    ] = None
+    host: Annotated[str, Option("address to listen on; beyond this machine people have to log in")] = "127.0.0.1"
+    port: Annotated[int, Option("0: any free one", min=0, max=65535)] = 8017
+    name: Annotated[Sequence[str], Option("a further name of this host; may be repeated", typed=Texts)] = ()
+    workers: Annotated[int | None, Option("most jobs at a time (default: one a core)", min=1)] = None
+    memory_gb: Annotated[float | None, Option("memory of one job", min=0.25)] = None
+    minutes: Annotated[float, Option("time of one job", min=0.05)] = 120.0
+    keep_days: Annotated[float | None, Option("jobs that ended longer ago are deleted (default: none)", min=1)] = None
+    keep_gb: Annotated[
+        float | None, Option("the oldest jobs are deleted while files are larger (default: none)", min=0.1)
+    ] = None
+    proxy: Annotated[
+        Sequence[str],
+        Option("proxy or network of proxies whose X-Forwarded-For is believed", metavar="ADDRESS", typed=Texts),
+    ] = ()
+    proxy_user: Annotated[str, Option("header in which that proxy names who has logged in there", metavar="HEADER")] = (
+        ""
+    )
+    proxy_role: Annotated[
+        Role | None, Option("what people may do whom the proxy names and nobody added (default: nothing)")
+    ] = None
+    person_jobs: Annotated[int | None, Option("most jobs of one person that wait or run", min=1)] = None
+    person_gb: Annotated[float | None, Option("most files of one person", min=0.001)] = None
+    cluster: Annotated[
+        str, Option("Dask scheduler whose workers compute the jobs, such as tls://host:8786", metavar="ADDRESS")
+    ] = ""
+    cluster_url: Annotated[str, Option("by which those workers reach this service", metavar="URL")] = ""
+    cluster_keys: Annotated[
+        Path | None, Option("keys of that cluster; 'edbb serve keys DIR' makes them", metavar="DIR")
+    ] = None
+    webhook: Annotated[
+        Sequence[str],
+        Option("gets a message when a job ends (signed by EDBB_WEBHOOK_SECRET)", metavar="URL", typed=Texts),
+    ] = ()
+    webhook_private: Annotated[bool, Option("webhooks may lie in private networks")] = False
+    access_log: Annotated[str, Option("log of accesses; - for standard error", metavar="FILE")] = ""
+    root_path: Annotated[str, Option("where a proxy has the service on its host, such as /edbb", metavar="PATH")] = ""
+    role: Annotated[Role | None, Option("users add, role: what the person may do (default: work)")] = None
+    label: Annotated[str, Option("users token, untoken: what the token is for")] = "program"
+    no_password: Annotated[bool, Option("users add: a token or a proxy lets the person in")] = False
+    same_person: Annotated[bool, Option("users add: who had this name before is back")] = False
+    open_page: Annotated[
+        bool, Option("show the page in a browser; the one that is served there already", flag="--open")
+    ] = False
+
+
+def _serve(values: Values, **_: object) -> None:
     import_service()
     from planner.service.people_command import UserOptions
     from planner.service.serving import serve, start_notices
 
-    store = (data or default_folder()).resolve()
-    if what:
-        act(what, UserOptions(role, label, no_password, same_person), store)
-    if what or (open_page and show_other_service(host, port)):
+    asked = ServeCall(**values)
+    store = (asked.data or default_folder()).resolve()
+    if asked.what:
+        act(asked.what, UserOptions(asked.role, asked.label, asked.no_password, asked.same_person), store)
+    if asked.what or (asked.open_page and show_other_service(asked.host, asked.port)):
         return
+    workers = asked.workers
     most = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
-    shares = share_memory(most, None if memory_gb is None else int(memory_gb * GB), machine_memory())
-    for notice in start_notices(None if cluster else workers, shares):
+    shares = share_memory(most, _bytes(asked.memory_gb), machine_memory())
+    for notice in start_notices(None if asked.cluster else workers, shares):
         errors.print(notice)
+    secret = os.environ.get("EDBB_WEBHOOK_SECRET", "")
     settings = ServiceSettings(
         folder=store,
-        host=host,
-        port=port,
-        names=tuple(name or ()),
+        host=asked.host,
+        port=asked.port,
+        names=tuple(asked.name),
         token=environment_token(),
-        workers=workers or shares.workers if cluster else shares.workers,
+        workers=workers or shares.workers if asked.cluster else shares.workers,
         beside=shares.beside,
-        limits=shares.limits(minutes * 60),
-        kept=Retention.of(keep_days, keep_gb),
-        proxy=ProxySettings(tuple(proxy or ()), proxy_user, proxy_role),
-        quota=Quota(person_jobs, None if person_gb is None else int(person_gb * GB)),
-        cluster=ClusterSettings(cluster, cluster_url, cluster_keys),
-        webhooks=WebhookSettings(tuple(webhook or ()), webhook_private, os.environ.get("EDBB_WEBHOOK_SECRET", "")),
-        access_log=access_log,
-        root_path=root_path,
+        limits=shares.limits(asked.minutes * 60),
+        kept=Retention.of(asked.keep_days, asked.keep_gb),
+        proxy=ProxySettings(tuple(asked.proxy), asked.proxy_user, asked.proxy_role),
+        quota=Quota(asked.person_jobs, _bytes(asked.person_gb)),
+        cluster=ClusterSettings(asked.cluster, asked.cluster_url, asked.cluster_keys),
+        webhooks=WebhookSettings(tuple(asked.webhook), asked.webhook_private, secret),
+        access_log=asked.access_log,
+        root_path=asked.root_path,
     )
-    serve(settings, lambda address: announce(address, settings.folder, open_page))
+    serve(settings, lambda address: announce(address, settings.folder, asked.open_page))
+
+
+serve_command = declare_command(ServeCall, _serve, new_folder)
+
+
+def _bytes(gigabytes: float | None) -> int | None:
+    return None if gigabytes is None else int(gigabytes * GB)
 
 
 def announce(address: str, folder: Path, open_page: bool) -> None:
