@@ -62,9 +62,7 @@ class Cell(Site):
             return self
         stated = file.model_copy(update={"read_by": gauge.read_by, "reading_s": usual})
         return replace(
-            self,
-            file=self.file.model_copy(update={"gauge": stated}),
-            gauge=replace(gauge, reading_time=usual),
+            self, file=self.file.model_copy(update={"gauge": stated}), gauge=replace(gauge, reading_time=usual)
         )
 
     @property

@@ -128,9 +128,7 @@ def read_planned_path(path: Path) -> PlannedPath:
     )
 
 
-def _drive_points(
-    plan: PlanDocument,
-) -> tuple[list[tuple[tuple[float, ...], int]], list[tuple[int, int]]]:
+def _drive_points(plan: PlanDocument) -> tuple[list[tuple[tuple[float, ...], int]], list[tuple[int, int]]]:
     """Points of the drives, and which the plan's shortcuts join; the travel's last point is the first one measured."""
     points: list[tuple[tuple[float, ...], int]] = []
     joined: list[tuple[int, int]] = []

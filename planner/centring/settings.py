@@ -234,7 +234,7 @@ def read_settings(path: Path | None, cell: Path) -> CentringSettings:
         axes = np.array(head.indicators)
         said["matrix"] = tuple(map(tuple, (axes / np.linalg.norm(axes, axis=1)[:, None]).T.tolist()))
     return given.model_copy(
-        update={"head": _fill_defaults(given.head, said), "robot": _fill_defaults(given.robot, robot)},
+        update={"head": _fill_defaults(given.head, said), "robot": _fill_defaults(given.robot, robot)}
     )
 
 

@@ -117,10 +117,7 @@ def add_entry(
     _require_day(circumstances.date, kind, known, baseline)
     _require_same_model(results / ROBOT, record, known)
     entry = EntryFile(
-        schema="edbb-record-entry/1",
-        kind=kind,
-        document_sha256=text_hash(content),
-        circumstances=circumstances,
+        schema="edbb-record-entry/1", kind=kind, document_sha256=text_hash(content), circumstances=circumstances
     )
     number = max((e.number for e in known.entries), default=0) + 1
     entry_name = f"entries/{number:04d}-{kind}"

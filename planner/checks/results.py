@@ -127,10 +127,7 @@ def verdict_overview(verdict: CheckVerdict) -> Summary:
     said = "passed" if verdict.passed else "FAILED"
     chance = f"{verdict.smallest_p:.2g}" if verdict.smallest_p >= 1e-6 else "below 1 in a million"
     p = f"chance of such readings without a change: {chance}; the check fails below {verdict.threshold:.2g}"
-    facts: list[Fact] = [
-        ("do", verdict.advice),
-        ("test", f"{p} ({100 * FALSE_ALARM:g} of 100 sound robots)"),
-    ]
+    facts: list[Fact] = [("do", verdict.advice), ("test", f"{p} ({100 * FALSE_ALARM:g} of 100 sound robots)")]
     if verdict.doubtful:
         facts.append(("cause", f"one wrong reading: {verdict.doubtful}"))
     elif verdict.outcome != "unchanged":

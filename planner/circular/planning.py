@@ -7,14 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.circular.assumptions import DRIVABLE
-from planner.circular.configurations import (
-    COARSE_STEP,
-    ArmPaths,
-    check_bar,
-    find_arm_paths,
-    fine_angles,
-    orientations,
-)
+from planner.circular.configurations import COARSE_STEP, ArmPaths, check_bar, find_arm_paths, fine_angles, orientations
 from planner.circular.document import circular_record
 from planner.circular.plan import (
     Arc,

@@ -71,10 +71,7 @@ Values = Mapping[str, Any]
 
 
 def declare_command(
-    call: type[Call],
-    work: Callable[..., None],
-    name_output: Callable[[str, object], Any],
-    **own: tuple[Any, Any],
+    call: type[Call], work: Callable[..., None], name_output: Callable[[str, object], Any], **own: tuple[Any, Any]
 ) -> Callable[..., None]:
     """Return the function of a command, with the parameters that its declaration says and those that are its ``own``.
 
@@ -137,11 +134,7 @@ def folder_command(call: type[Call]) -> Callable[..., None]:
         """Give the result of the declared function, written into a folder."""
         with stand_by() if call.draws else nullcontext():
             result = give(
-                lambda stages: find_function(call)(**values, progress=stages.say),
-                output,
-                as_json,
-                call.starts,
-                manner,
+                lambda stages: find_function(call)(**values, progress=stages.say), output, as_json, call.starts, manner
             )
         if result.cut_short:
             raise typer.Exit(PARTLY_DONE)

@@ -22,16 +22,7 @@ from planner.common.files import check_writing, document_text, is_folder
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
-from planner.common.summary import (
-    SCREEN_LINES,
-    Aside,
-    Fact,
-    count_alike,
-    cut_facts,
-    fact_lines,
-    hang_lines,
-    under_key,
-)
+from planner.common.summary import SCREEN_LINES, Aside, Fact, count_alike, cut_facts, fact_lines, hang_lines, under_key
 
 UNKNOWN = 0.15  # of the way to the next stage, for a step that nobody foresaw: how many come is not known
 

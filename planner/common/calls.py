@@ -111,9 +111,7 @@ Seed = Annotated[int, Option("the same seed gives the same bytes", min=0, max_se
 Dialects = Annotated[
     Sequence[str],
     Option(
-        "robot language; may be repeated (default: those that the cell names)",
-        typed=list[str] | None,
-        pattern=LANGUAGE,
+        "robot language; may be repeated (default: those that the cell names)", typed=list[str] | None, pattern=LANGUAGE
     ),
 ]
 

@@ -87,9 +87,4 @@ def _of_page(text: str) -> str:
     return "" if found is None else f'"{" ".join(text[max(found.start() - 40, 0) : found.end() + 20].split())}"'
 
 
-_FINDERS: dict[str, Callable[[str], str]] = {
-    ".json": _of_json,
-    ".toml": _of_toml,
-    ".csv": _of_table,
-    ".html": _of_page,
-}
+_FINDERS: dict[str, Callable[[str], str]] = {".json": _of_json, ".toml": _of_toml, ".csv": _of_table, ".html": _of_page}

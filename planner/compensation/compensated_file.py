@@ -9,12 +9,7 @@ import numpy as np
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array
 from planner.compensation.arm_shapes import has_shapes, shape_margins
-from planner.compensation.correction import (
-    ALL_TURNS,
-    FlangeModel,
-    NominalFlange,
-    correct_joints,
-)
+from planner.compensation.correction import ALL_TURNS, FlangeModel, NominalFlange, correct_joints
 from planner.compensation.correction_mark import CorrectionMark, check_no_measuring_program, refuse_second_correction
 from planner.compensation.few_axes import TurnWeights
 from planner.compensation.file_axes import FlangeInAxes, axes_notes, axes_of_file, axes_statement, next_step

@@ -47,10 +47,7 @@ FOREIGN_LANGUAGES: Sequence[ForeignLanguage] = (
     ForeignLanguage(
         "V+ (Adept, Stäubli)",
         (".v2",),
-        (
-            r"^[ \t]*\.PROGRAM[ \t]+[\w.]+[ \t]*\(",
-            r"^[ \t]*(?:MOVES?T?|APPROS?|DEPARTS?)[ \t]+[#\w]",
-        ),
+        (r"^[ \t]*\.PROGRAM[ \t]+[\w.]+[ \t]*\(", r"^[ \t]*(?:MOVES?T?|APPROS?|DEPARTS?)[ \t]+[#\w]"),
     ),
     ForeignLanguage(
         "DRL (Doosan)",

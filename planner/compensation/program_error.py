@@ -132,8 +132,7 @@ def program_error(expected: ExpectedError, targets: Sequence[Target], q: Array, 
     points = [own if (said := targets[k].tool_point) is None else said for k in looked]
     tools, which = group_tool_points(points)
     return ProgramError(
-        tuple(_of_tool(expected, tool, looked[which == k], targets, q) for k, tool in enumerate(tools)),
-        len(targets),
+        tuple(_of_tool(expected, tool, looked[which == k], targets, q) for k, tool in enumerate(tools)), len(targets)
     )
 
 

@@ -35,13 +35,7 @@ from planner.design.observability.information import find_rule
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate, Dual
 from planner.design.selection.index_bound import WholePool, certify_bound
-from planner.design.selection.index_criterion import (
-    BarrierPotential,
-    SwapTable,
-    eigenvalues,
-    index_of_rows,
-    is_exact,
-)
+from planner.design.selection.index_criterion import BarrierPotential, SwapTable, eigenvalues, index_of_rows, is_exact
 from planner.design.selection.matrix_forms import information_matrix
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld

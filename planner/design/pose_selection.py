@@ -228,13 +228,7 @@ def select_poses(
 
 
 def _choose(
-    rows: Array,
-    n: int,
-    index: str,
-    seed: int,
-    certificate: Certificate,
-    left: PrunedPoses | None,
-    limit: TimeLimit,
+    rows: Array, n: int, index: str, seed: int, certificate: Certificate, left: PrunedPoses | None, limit: TimeLimit
 ) -> tuple[Positions, Pruning | None]:
     """Return the candidates that exchange chooses, or those that pruning has left, with what exchange reaches."""
     found = exchange_poses(rows, n, index, seed=seed, certificate=certificate, limit=limit)

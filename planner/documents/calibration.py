@@ -15,13 +15,7 @@ from planner.fit.axis_zeros import AxisZeros
 from planner.fit.least_squares import Fit
 from planner.kinematics.robot import Robot
 from planner.model.gauge_frames import JointZero
-from planner.model.identification_document import (
-    NO_WEIGHT,
-    Estimate,
-    Identification,
-    OnlyInMemory,
-    Stage,
-)
+from planner.model.identification_document import NO_WEIGHT, Estimate, Identification, OnlyInMemory, Stage
 from planner.model.use_statement import Use
 from planner.programs.controller_axes import controller_words
 from planner.release.released_robot import ReleasedRobot

@@ -82,11 +82,7 @@ def _urdf(robot: Robot, values: Mapping[str, float], sense: np.ndarray) -> str:
             f'velocity="{robot.speed[i]:.9g}" effort="0"/>',
             "  </joint>",
         ]
-    lines += [
-        '  <joint name="flange_joint" type="fixed">',
-        *_link_lines(links[n], "flange", flange),
-        "  </joint>",
-    ]
+    lines += ['  <joint name="flange_joint" type="fixed">', *_link_lines(links[n], "flange", flange), "  </joint>"]
     return "\n".join([*lines, "</robot>", ""])
 
 

@@ -104,10 +104,7 @@ def read_bodies(meshes: MeshFinder, link: ET.Element, T_link: Array, lacking: li
             x, y, z = read_numbers(shape, "size", (0, 0, 0))
             out.append(
                 Body(
-                    name,
-                    "box",
-                    (_positive_of(shape, x), _positive_of(shape, y), _positive_of(shape, z)),
-                    read_only(T),
+                    name, "box", (_positive_of(shape, x), _positive_of(shape, y), _positive_of(shape, z)), read_only(T)
                 )
             )
         elif shape.tag in ("cylinder", "capsule"):  # a capsule holds the cylinder of its radius and length

@@ -11,12 +11,7 @@ import polars as pl
 from planner.common.units import MM, UM, URAD, Array, in_units, round_finite, to_deg, to_mm
 from planner.design.observability.identifiability import join_names
 from planner.loaded.assumptions import DRIVABLE, TOLD
-from planner.loaded.circle_candidates import (
-    CirclePlace,
-    CirclePlaceChoice,
-    PredictedCompliance,
-    predict_compliance,
-)
+from planner.loaded.circle_candidates import CirclePlace, CirclePlaceChoice, PredictedCompliance, predict_compliance
 from planner.loaded.common_fit import CommonFit
 from planner.loaded.joint_fit import JointFit
 from planner.loaded.types import (

@@ -17,14 +17,7 @@ from planner.runs.foreign_table import ForeignTable, foreign_table
 from planner.runs.table import find_column
 from planner.runs.text import read_lines
 from planner.runs.title_units import BRACKETS, OTHER_UNITS, UNIT, UNITS
-from planner.runs.titles import (
-    counts_from_0,
-    is_angle_by_number,
-    meaning_of,
-    meanings,
-    moved_names,
-    without_unit,
-)
+from planner.runs.titles import counts_from_0, is_angle_by_number, meaning_of, meanings, moved_names, without_unit
 
 USUAL_ENCODING = "utf-8"
 OTHER_ENCODINGS = ("cp1252", "utf-16")  # what a spreadsheet of Windows writes

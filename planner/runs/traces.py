@@ -29,13 +29,7 @@ from planner.runs.loader import run_of
 from planner.runs.model_axes import in_model_axes
 from planner.runs.run import SIMULATED, Run
 from planner.runs.synchronisation import pair_tables
-from planner.runs.table import (
-    NAMES,
-    RunColumn,
-    RunTable,
-    read_table,
-    table_in_si,
-)
+from planner.runs.table import NAMES, RunColumn, RunTable, read_table, table_in_si
 from planner.runs.text import RowSource, numbers_in, parse_rows, read_lines, separator_hint
 
 

@@ -121,10 +121,7 @@ def _story(file: CertificateFile, fault: str) -> list[Any]:
     story += [*_heading("Not contained in U"), *(_paragraph(f"• {text}") for text in c.not_contained)]
     if c.remarks:
         story += [*_heading("Remarks"), *(_paragraph(f"• {text}", 7.5) for text in c.remarks)]
-    hashes = [
-        *((f.what, f.value) for f in c.hashes),
-        ("this certificate", file.sha256),
-    ]
+    hashes = [*((f.what, f.value) for f in c.hashes), ("this certificate", file.sha256)]
     rows = [[_paragraph(what, 6.5), _paragraph(value, 6.5)] for what, value in hashes]
     story += [*_heading("Traceability of the data (SHA-256)"), _table(rows, [40, WIDE_MM - 40])]
     signed = [[_paragraph("Calibrated by", colour=SOFT), _paragraph("Approved by", colour=SOFT)]]

@@ -108,14 +108,7 @@ def is_secure(request: Request) -> bool:
 
 
 def _give_cookie(answer: Response, request: Request, cookie: str) -> None:
-    answer.set_cookie(
-        COOKIE,
-        cookie,
-        max_age=int(SESSION_S),
-        httponly=True,
-        samesite="lax",
-        secure=is_secure(request),
-    )
+    answer.set_cookie(COOKIE, cookie, max_age=int(SESSION_S), httponly=True, samesite="lax", secure=is_secure(request))
 
 
 def _has_password(context: ServiceContext) -> bool:

@@ -43,10 +43,7 @@ from planner.service.page_content import (
     visible_files,
 )
 from planner.service.problems import ERRORS, problem_of
-from planner.service.record_api import (
-    find_calibration,
-    find_record_entry,
-)
+from planner.service.record_api import find_calibration, find_record_entry
 from planner.service.record_index import RecordedEntry, RobotFilter
 from planner.service.rendering import ENVIRONMENT, render
 from planner.session.document import PlanDocument, PlanHeader

@@ -131,10 +131,7 @@ class JobRunner:
 
     def _start(self) -> ProcessGroup:
         job = JobSpecification(
-            parent=os.getpid(),
-            files=str(self._files.folder.resolve()),
-            command=self._job.command,
-            limits=self._limits,
+            parent=os.getpid(), files=str(self._files.folder.resolve()), command=self._job.command, limits=self._limits
         )
         (self._folder / SPECIFICATION).write_bytes(SPECIFICATIONS.dump_json(job))
         return ProcessGroup("planner.service.job_process", self._folder)

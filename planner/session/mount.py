@@ -117,13 +117,7 @@ class MountMaps:
 
 
 def drop_unreachable(
-    cell: Cell,
-    pool: PoseSet,
-    reach: MountMaps,
-    index: str,
-    poses: int | None,
-    seed: int,
-    limit: TimeLimit = UNLIMITED,
+    cell: Cell, pool: PoseSet, reach: MountMaps, index: str, poses: int | None, seed: int, limit: TimeLimit = UNLIMITED
 ) -> tuple[PoseSet, MountMaps, tuple[str, ...], Certificate]:
     """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
 

@@ -51,8 +51,7 @@ class PlanOptions:
         Option("order of the poses: by each segment's slowest limit (default), or axis", motion_key=True),
     ] = None
     as_published: Annotated[
-        bool,
-        Option("every stage as in the EDBB paper: pruning by O2, order by the slowest axis, G-code and KRL"),
+        bool, Option("every stage as in the EDBB paper: pruning by O2, order by the slowest axis, G-code and KRL")
     ] = False
     laps: Annotated[
         int | None,
@@ -74,8 +73,7 @@ class PlanOptions:
         ),
     ] = None
     same_mounting: Annotated[
-        bool,
-        Option("with --after: the gauge was left standing; its place and zero are as the last run found"),
+        bool, Option("with --after: the gauge was left standing; its place and zero are as the last run found")
     ] = False
     until_mm: Annotated[
         float | None,

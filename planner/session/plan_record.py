@@ -162,9 +162,7 @@ def observability_record(choice: PoseChoice, bound: Certificate) -> Observabilit
         bound_kind=bound.kind,
         bound_verified=bound.verified,
         on_grid=OnGridRecord(
-            value=choice.on_grid_value,
-            bound=among.value,
-            gap=rule.gap(choice.on_grid_value, among.value),
+            value=choice.on_grid_value, bound=among.value, gap=rule.gap(choice.on_grid_value, among.value)
         ),
     )
     return stated if choice.pruning is None else stated.model_copy(update=_exchange_record(choice, choice.pruning))

@@ -82,14 +82,7 @@ class FixtureMap:
 
 
 def map_fixture_places(
-    cell: Cell,
-    pool: PoseSet,
-    index: str,
-    poses: int,
-    seed: int,
-    say: Progress,
-    across: int = 9,
-    up: int = 6,
+    cell: Cell, pool: PoseSet, index: str, poses: int, seed: int, say: Progress, across: int = 9, up: int = 6
 ) -> FixtureMap:
     """Judge a grid of places for the cell's first fixture, with ``poses`` poses selected for ``index`` at each.
 

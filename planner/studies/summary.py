@@ -39,10 +39,7 @@ class StudySummary:
         limit = f"no {own.knee} of the {len(b.pool)} candidates do better than {format_number(own.limit_at_knee)}"
         facts = [
             *([("unseen", f"{join_names(unseen)} (why: unseen.csv)")] if unseen else []),
-            (
-                "poses",
-                f"{b.index} bends at {own.knee} poses, {format_number(own.at_knee)} (in m, rad); {limit}",
-            ),
+            ("poses", f"{b.index} bends at {own.knee} poses, {format_number(own.at_knee)} (in m, rad); {limit}"),
             ("least sure", least),
             ("fixture", f"{describe_best_place(self.places)}{self._moved_text()}"),
             *(("fixtures", sentence) for sentence in describe_fixtures(self.fixtures, b.index)),

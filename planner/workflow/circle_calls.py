@@ -25,10 +25,7 @@ class CircularCall(Call):
 
     runs: Annotated[Sequence[Path], RUNS]
     _: KW_ONLY
-    plan: Annotated[
-        Path,
-        Option("the circular test that was measured, its cell.toml next to it", metavar="PLAN.json"),
-    ]
+    plan: Annotated[Path, Option("the circular test that was measured, its cell.toml next to it", metavar="PLAN.json")]
     progress: ProgressKeyword = no_progress
 
 
@@ -47,12 +44,10 @@ class LoadedCall(Call):
     plan: MeasuredPlan = None
     tracker: Annotated[Path | None, Option("a tracker's run of the unloaded circle", metavar="RUN")] = None
     unloaded: Annotated[
-        Sequence[Path],
-        Option("a bar's run without load, for one fit of both", metavar="RUN", typed=list[Path] | None),
+        Sequence[Path], Option("a bar's run without load, for one fit of both", metavar="RUN", typed=list[Path] | None)
     ] = ()
     overshoot_deg: Annotated[
-        float | None,
-        Option("degrees dropped at either end (else as the cell says)", min=0.0, max=720.0),
+        float | None, Option("degrees dropped at either end (else as the cell says)", min=0.0, max=720.0)
     ] = None
     progress: ProgressKeyword = no_progress
 
@@ -69,10 +64,7 @@ class LoadedPlacesCall(Call):
     cell: CellWord
     _: KW_ONLY
     places: Annotated[int, Option("circles of the cell.toml that is written", min=1, max=MOST_PLACES)] = 4
-    unloaded: Annotated[
-        Path | None,
-        Option("a plan without load, for one fit of both", metavar="PLAN.json"),
-    ] = None
+    unloaded: Annotated[Path | None, Option("a plan without load, for one fit of both", metavar="PLAN.json")] = None
     seed: Seed = 0
     progress: ProgressKeyword = no_progress
 
@@ -88,8 +80,7 @@ class PlanBothCall(Call):
     starts = PLAN_STAGES
 
     unloaded: Annotated[
-        str,
-        Option("cell of the bar without load, or the plan.json of its plan", metavar="UNLOADED", is_word=True),
+        str, Option("cell of the bar without load, or the plan.json of its plan", metavar="UNLOADED", is_word=True)
     ]
     loaded: Annotated[str, Option("cell of the loaded bar, with its circles", metavar="LOADED", is_word=True)]
     _: KW_ONLY

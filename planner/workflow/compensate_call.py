@@ -49,14 +49,10 @@ class CompensateCall(Call):
         ),
     ] = None
     base: Annotated[str | None, Option("base of poses, mm and degrees", metavar=FRAME, pattern=f"^{NUMBERS}$")] = None
-    frames: Annotated[
-        Path | str | None,
-        upload_option("tools and bases: $config.dat, a module", "FILE"),
-    ] = None
+    frames: Annotated[Path | str | None, upload_option("tools and bases: $config.dat, a module", "FILE")] = None
     strict: Annotated[bool, Option("write nothing unless every target of the file can be corrected")] = False
     cell: Annotated[
-        str | None,
-        Option("the cell, to make sure that its controller does not correct too", metavar="CELL"),
+        str | None, Option("the cell, to make sure that its controller does not correct too", metavar="CELL")
     ] = None
     again: Annotated[bool, Option("add to the correction by another model, whose mark the file bears")] = False
     measuring: Annotated[bool, Option("correct a measuring program too, whose path is proven uncorrected only")] = False

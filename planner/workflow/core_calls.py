@@ -148,11 +148,7 @@ class SimulateCall(Call):
     _: KW_ONLY
     truth: Annotated[
         "Path | str | Mapping[str, Any] | None",
-        Option(
-            "errors of the simulated robot: a TOML file, or its run as CSV",
-            metavar="TRUTH",
-            typed=Path | None,
-        ),
+        Option("errors of the simulated robot: a TOML file, or its run as CSV", metavar="TRUTH", typed=Path | None),
     ] = None
     change: Annotated[
         str,

@@ -25,12 +25,7 @@ from planner.common.progress import Stages
 from planner.common.result import FolderResult
 from planner.common.summary import Fact, Summary, under_key
 from planner.common.units import to_deg, to_mm
-from planner.loaded.circle_candidates import (
-    CirclePlaceChoice,
-    find_circle_places,
-    study_circle_places,
-    with_circles,
-)
+from planner.loaded.circle_candidates import CirclePlaceChoice, find_circle_places, study_circle_places, with_circles
 from planner.loaded.common_fit import (
     CommonFit,
     UnloadedPoses,

@@ -12,13 +12,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
-from planner.common.files import (
-    check_writing,
-    encode_text,
-    write_bytes,
-    write_text,
-    write_together,
-)
+from planner.common.files import check_writing, encode_text, write_bytes, write_text, write_together
 from planner.common.lazy_modules import pl
 from planner.common.progress import Stages
 from planner.motion.timing.trajectory import trajectory_csv as table_csv

@@ -14,14 +14,7 @@ from planner.compensation.formats.krl_calls import (
     calls_function,
     leaves_frames,
 )
-from planner.compensation.formats.krl_values import (
-    KINDS,
-    TABLE,
-    FrameValues,
-    describe_change,
-    frame_value,
-    spell_name,
-)
+from planner.compensation.formats.krl_values import KINDS, TABLE, FrameValues, describe_change, frame_value, spell_name
 from planner.compensation.points import Frame, FramePair, trace_sources
 from planner.compensation.targets import ToolAndBase
 from planner.programs.languages.krl import Bas

@@ -82,13 +82,7 @@ def _rows(statement: Statement, written: list[str]) -> Iterator[tuple[int, str, 
 
 
 def _move(
-    move: Pdl2Move,
-    said: str,
-    routine: str,
-    own_arm: str,
-    unclear: bool,
-    reading: TargetReading,
-    tool: Array | str,
+    move: Pdl2Move, said: str, routine: str, own_arm: str, unclear: bool, reading: TargetReading, tool: Array | str
 ) -> None:
     line = move.line
     manner, n = _MANNER.fullmatch(move.how), reading.robot.n_joints

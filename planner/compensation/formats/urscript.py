@@ -85,11 +85,7 @@ def _tool_after(said: str, tool: Array | str) -> Array | str:
 
 
 def _joints(
-    reading: TargetReading,
-    statement: Statement,
-    match: re.Match[str] | None,
-    group: str | int,
-    tool: Array | str,
+    reading: TargetReading, statement: Statement, match: re.Match[str] | None, group: str | int, tool: Array | str
 ) -> None:
     """Note the angles in a group of a match, or why they are left."""
     angles = [_ANGLE.fullmatch(a) for a in match[group].split(",")] if match else []

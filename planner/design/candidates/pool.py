@@ -82,11 +82,7 @@ class PoseSet:
 
 
 def draw_candidates(
-    cell: Cell,
-    count: int,
-    seed: int = 0,
-    progress: StageProgress | None = None,
-    limit: TimeLimit = UNLIMITED,
+    cell: Cell, count: int, seed: int = 0, progress: StageProgress | None = None, limit: TimeLimit = UNLIMITED
 ) -> PoseSet:
     """Draw ``count`` candidates, shared evenly by the fixtures and tool points, or what the rounds allow.
 

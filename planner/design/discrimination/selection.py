@@ -153,11 +153,7 @@ def _second_fixture(
         placed = unknowns_of(model.setup.gauge).parameters(model.setup, frozenset({"fixture"}))
         more = tuple(p for p in placed if p.name.startswith(f"fixture_{NEW}_"))
         place = ", ".join(f"{v:.0f}" for v in to_mm(fixture.p_BX))
-        yield OtherMeasurement(
-            f"a second fixture, say at [{place}] mm",
-            PredictedReadings.of(model, both, scale),
-            more,
-        )
+        yield OtherMeasurement(f"a second fixture, say at [{place}] mm", PredictedReadings.of(model, both, scale), more)
         return
 
 

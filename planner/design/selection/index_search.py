@@ -32,13 +32,7 @@ DRAWN_MEMBERS = 100
 
 
 def anneal(
-    rows: Array,
-    chosen: Positions,
-    pool: Positions,
-    index: str,
-    steps: int,
-    seed: int,
-    limit: TimeLimit = UNLIMITED,
+    rows: Array, chosen: Positions, pool: Positions, index: str, steps: int, seed: int, limit: TimeLimit = UNLIMITED
 ) -> Positions:
     """Return the best set met in ``steps`` swaps between ``chosen`` (n,) and ``pool`` (K,), candidates of ``rows``."""
     block = 256  # draws whose candidates are drawn together

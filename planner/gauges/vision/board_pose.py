@@ -134,11 +134,7 @@ def _from_homography(xy: Array, corners: Array) -> tuple[Array, Array]:
     X = np.where(seen[..., None], X, 0.0)
     zero = np.zeros_like(X)
     A = np.concatenate(
-        [
-            np.concatenate([X, zero, -w[..., :1] * X], axis=2),
-            np.concatenate([zero, X, -w[..., 1:] * X], axis=2),
-        ],
-        axis=1,
+        [np.concatenate([X, zero, -w[..., :1] * X], axis=2), np.concatenate([zero, X, -w[..., 1:] * X], axis=2)], axis=1
     )
     H = np.linalg.eigh(A.transpose(0, 2, 1) @ A)[1][:, :, 0].reshape(-1, 3, 3)
     H[:, :, :2] /= size

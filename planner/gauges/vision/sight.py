@@ -252,10 +252,7 @@ class BoardSight(FrameGauge):
 
     def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
         """Return the instruction that nothing may change at the camera from here on."""
-        return (
-            "",
-            "switch the light on, fix focus, exposure and gain, and look at one image: is the board sharp?",
-        )
+        return ("", "switch the light on, fix focus, exposure and gain, and look at one image: is the board sharp?")
 
     @classmethod
     def session_guide(cls, file: CellFile) -> SessionGuide:

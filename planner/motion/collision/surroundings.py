@@ -16,14 +16,7 @@ from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_in_other_convention
 from planner.motion.collision.body_gaps import place_shape, refuse_foreign_bodies, shape_at, shape_distance
 from planner.motion.collision.engines import CollisionWorld
-from planner.motion.collision.scene import (
-    FLOOR,
-    SceneBody,
-    advise_never_meet,
-    build_scene,
-    mesh_faces,
-    polytope_excess,
-)
+from planner.motion.collision.scene import FLOOR, SceneBody, advise_never_meet, build_scene, mesh_faces, polytope_excess
 from planner.motion.planning_packages import coal
 from planner.motion.tolerances import CARRIED_REACHES, HALL, LEAST_SIZE
 

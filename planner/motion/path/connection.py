@@ -88,12 +88,7 @@ def _pull_candidates(before: Array, here: Array, after: Array, rng: np.random.Ge
 
 
 def connect_poses(
-    constraints: Constraints,
-    q: Array,
-    order: Sequence[int],
-    *,
-    seed: int = 0,
-    pool: Array | Roadmap | None = None,
+    constraints: Constraints, q: Array, order: Sequence[int], *, seed: int = 0, pool: Array | Roadmap | None = None
 ) -> ProvenPath | PathGaps:
     """Join poses in the given order by a path that keeps every constraint throughout.
 

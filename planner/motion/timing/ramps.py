@@ -10,9 +10,7 @@ from planner.motion.timing.curve import Mask
 def ramp_time(change: Array, acceleration: Array, jerk: Array) -> Array:
     """Return the shortest time [s] for a change of speed ≥ 0."""
     return np.where(
-        change * jerk >= acceleration**2,
-        acceleration / jerk + change / acceleration,
-        2.0 * np.sqrt(change / jerk),
+        change * jerk >= acceleration**2, acceleration / jerk + change / acceleration, 2.0 * np.sqrt(change / jerk)
     )
 
 

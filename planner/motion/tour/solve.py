@@ -131,11 +131,7 @@ def _run(command: list[str], folder: str, timeout_s: float) -> tuple[int, str]:
     with (
         open(os.path.join(folder, "printed.txt"), "w+b") as printed,
         start_in_own_group(
-            command,
-            cwd=folder,
-            stdin=subprocess.DEVNULL,
-            stdout=printed,
-            stderr=subprocess.STDOUT,
+            command, cwd=folder, stdin=subprocess.DEVNULL, stdout=printed, stderr=subprocess.STDOUT
         ) as process,
     ):
         try:
