@@ -2,5 +2,5 @@
 
 __all__ = [
     "cell", "declared", "file", "fleet_file", "gauge", "gauge_registry", "gauge_types", "parts", "placement",
-    "places", "reading", "region_file", "section_content", "section_registry", "sections", "site", "workspace",
+    "places", "reading", "region_file", "section_content", "section_registry", "site", "workspace",
 ]  # fmt: skip

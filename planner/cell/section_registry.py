@@ -12,7 +12,7 @@ def register_section(key: str, reader: str) -> None:
 
     Args:
         key: the name of the tables.
-        reader: their :class:`planner.cell.sections.SectionReader`, as ``module:name``.
+        reader: their :class:`planner.cell.reading.SectionReader`, as ``module:name``.
 
     Raises:
         ValueError: another extension has a section of that name.

@@ -10,8 +10,7 @@ from pydantic import Field, PositiveInt, field_validator
 
 from planner.cell.file import CellFile
 from planner.cell.places import unit_vector
-from planner.cell.reading import gauge_class
-from planner.cell.sections import SectionReader
+from planner.cell.reading import SectionReader, gauge_class
 from planner.circular.plan import Circle, CircleDirection, CirclePlane, Circles
 from planner.common.errors import InputError, did_you_mean
 from planner.common.schema import PositiveFloat, StrictModel

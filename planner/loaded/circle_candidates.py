@@ -11,8 +11,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from planner.cell.cell import Cell, MeasurementSetup, setup_of
-from planner.cell.reading import cell_of
-from planner.cell.sections import cell_file_of
+from planner.cell.reading import cell_file_of, cell_of
 from planner.circular.configurations import follow_poses, rotated_orientations
 from planner.circular.plan import Circle, CirclePlane, circles_of
 from planner.common.determinism import on_one_thread

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from planner import load_cell
 from planner.cell.file import CellFile
-from planner.cell.reading import gauge_class
-from planner.cell.sections import read_cell_file
+from planner.cell.reading import gauge_class, read_cell_file
 from planner.checks.record import AccuracyFile, Circumstances, RecordEntry, RobotRecord, read_document
 from planner.common.schema import read_toml
 from planner.common.units import to_mm

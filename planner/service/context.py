@@ -16,10 +16,9 @@ from fastapi.responses import HTMLResponse
 
 from planner.common.errors import InputError
 from planner.service.answers import Job, describe_job
-from planner.service.callers import CALLER, CallerFinder
+from planner.service.callers import CALLER, CallerFinder, GuessLimit
 from planner.service.cluster import Cluster, ClusterRunner
 from planner.service.file_store import CellNotes, FileStore, UploadList
-from planner.service.guesses import GuessLimit
 from planner.service.job_folder import JobFolder
 from planner.service.job_keeping import JobKeeper, QuotaError
 from planner.service.job_record import JobCommand, JobProblem, JobRecord

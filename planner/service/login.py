@@ -8,9 +8,8 @@ from fastapi import APIRouter, Form, Query, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from planner.common.errors import InputError
-from planner.service.callers import CALLER, COOKIE
+from planner.service.callers import CALLER, COOKIE, sender_of
 from planner.service.context import Context, ServiceContext
-from planner.service.guesses import sender_of
 from planner.service.people import SESSION_S
 from planner.service.rendering import render
 

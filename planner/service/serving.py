@@ -16,7 +16,7 @@ from planner import __version__
 from planner.common.errors import InputError
 from planner.report.page import VIEW_FOLDER
 from planner.service.access import check_access, check_rules
-from planner.service.callers import COOKIE, CallerFinder
+from planner.service.callers import COOKIE, CallerFinder, GuessLimit
 from planner.service.certificate_api import CERTIFICATES
 from planner.service.cluster import Cluster
 from planner.service.context import ServiceContext, Supervisor
@@ -25,7 +25,6 @@ from planner.service.deeds import DEEDS
 from planner.service.file_api import FILES, LISTS
 from planner.service.file_store import CellNotes, FileStore, UploadList, disk_error
 from planner.service.guards import Guard
-from planner.service.guesses import GuessLimit
 from planner.service.job_api import EVENTS, JOBS
 from planner.service.job_keeping import JobKeeper, Sweeper
 from planner.service.job_process import confinement_version

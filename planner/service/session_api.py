@@ -14,8 +14,7 @@ from pydantic import Field
 from starlette.exceptions import HTTPException
 
 from planner.cell.file import CellFile
-from planner.cell.reading import gauge_class
-from planner.cell.sections import read_cell_file
+from planner.cell.reading import gauge_class, read_cell_file
 from planner.common.schema import StrictModel
 from planner.service.answers import OutputFile
 from planner.service.callers import CALLER

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from planner.cell.file import CellFile
-from planner.cell.sections import cell_file_of
+from planner.cell.reading import cell_file_of
 from planner.common.choices import IndexName
 from planner.common.errors import InputError
 from planner.common.files import INPUTS

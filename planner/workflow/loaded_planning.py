@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from planner.cell.cell import Cell
-from planner.cell.reading import load_cell
-from planner.cell.sections import cell_file_of
+from planner.cell.reading import cell_file_of, load_cell
 from planner.circular.document import CircularDocument, circular_document, load_circular_plan
 from planner.circular.plan import CircularPlan, circle_samples
 from planner.common.calls import called_with
@@ -50,9 +49,8 @@ from planner.session.evaluations import evaluation_of
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
 from planner.workflow.circle_calls import LoadedPlacesCall, PlanBothCall
-from planner.workflow.plan_results import PlanResult, SessionResult
+from planner.workflow.plan_results import PlanResult, SessionResult, write_cell
 from planner.workflow.planning import plan_cell
-from planner.workflow.writing import write_cell
 
 if TYPE_CHECKING:
     from planner.report.page import Report

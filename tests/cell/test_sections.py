@@ -10,10 +10,9 @@ import pytest
 
 import planner.cell.section_registry as section_registry
 from planner.cell.cell import setup_of
-from planner.cell.reading import load_cell
+from planner.cell.reading import SectionReader, load_cell
 from planner.cell.section_content import SectionContent
 from planner.cell.section_registry import register_section
-from planner.cell.sections import SectionReader
 from planner.common.errors import InputError
 from planner.common.schema import PositiveFloat, StrictModel
 from planner.session.movable_cell import cell_files

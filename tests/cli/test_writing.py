@@ -20,7 +20,7 @@ from planner.common.result import FolderResult, Result
 from planner.common.result_folder import changed_files, draft_folder, move_all
 from planner.common.summary import Summary
 from planner.programs.rendering import ProgramFile
-from planner.workflow.writing import write_program_as
+from planner.workflow.plan_results import write_program_as
 from tests.command import edbb
 from tests.not_everywhere import resource
 

@@ -19,7 +19,7 @@ from planner.runs.run import Samples
 from planner.service.job_folder import JobFolder
 from planner.service.job_requests import IdentificationRequest
 from planner.workflow.identification import identify
-from planner.workflow.joint_runs import load_sessions, run_sources
+from planner.workflow.measured_runs import load_sessions, run_sources
 from tests.command import edbb
 from tests.identification.few_draws import few_draws
 from tests.identification.joint_world import BAR_LEFT, BAR_RIGHT, PRIOR, WIRE, ZERO_SIGMA, World, walk

@@ -23,7 +23,7 @@ from planner.session.options import PlanOptions
 from planner.tracing.trace import locate_session_step
 from planner.workflow import identification
 from planner.workflow.identification import identify
-from planner.workflow.joint_runs import load_sessions, run_sources
+from planner.workflow.measured_runs import load_sessions, run_sources
 from tests.identification.few_draws import few_draws
 from tests.identification.joint_world import BAR_LEFT, BAR_RIGHT, WIRE, World
 

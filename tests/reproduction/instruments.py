@@ -12,7 +12,7 @@ from planner.cell.reading import load_cell
 from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_runs
 from planner.tracing.trace import trace
-from planner.workflow.writing import write_cell
+from planner.workflow.plan_results import write_cell
 from tests.reproduction.planned import of_tracker, stops
 from tests.reproduction.truth import BAR_M, TOOL_COM_MM, TOOL_KG, TRACKER_M, truth
 from tests.simulation.generator.arm import Arm

@@ -12,12 +12,11 @@ from argon2 import PasswordHasher, extract_parameters
 from fastapi.testclient import TestClient
 
 from planner.common.errors import InputError
-from planner.service import guesses
+from planner.service import callers
 from planner.service import people as people_module
 from planner.service.access import RULES, check_rules, routes_of
-from planner.service.callers import original_address
+from planner.service.callers import PATIENCE, GuessLimit, original_address, sender_of
 from planner.service.database import Database
-from planner.service.guesses import PATIENCE, GuessLimit, sender_of
 from planner.service.job_record import JobCommand, JobOutput
 from planner.service.people import IDLE_S, SESSION_S, PeopleStore
 from planner.service.serving import add_guard, build_app, build_context
@@ -258,7 +257,7 @@ def test_guessing_is_limited_at_the_door(tmp_path, monkeypatch):
         assert (held.status_code, held.headers["retry-after"]) == (429, "1")
         assert "Wait 1 s" in held.text
         now = time.monotonic()
-        monkeypatch.setattr(guesses, "time", SimpleNamespace(monotonic=lambda: now + 1.1))
+        monkeypatch.setattr(callers, "time", SimpleNamespace(monotonic=lambda: now + 1.1))
         assert log_in(client, "ada").status_code == 303
         client.cookies.clear()
         for _ in range(PATIENCE.free_tries):

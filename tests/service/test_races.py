@@ -17,12 +17,12 @@ from planner.checks.record_changes import latest_day
 from planner.common.errors import InputError
 from planner.service import backup, job_api, pages, record_store, robot_pages
 from planner.service.backup import back_up, restore
+from planner.service.callers import PATIENCE, GuessLimit
 from planner.service.cluster import ClusterRunner
 from planner.service.cluster_work import Work, WorkEnd
 from planner.service.database import Database
 from planner.service.file_api import StoredFileResponse
 from planner.service.file_store import FileStore
-from planner.service.guesses import PATIENCE, GuessLimit
 from planner.service.job_keeping import JobChanges, JobKeeper, KeptJobError
 from planner.service.job_process import RESULTS
 from planner.service.job_request import JobRequest

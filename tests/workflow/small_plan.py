@@ -15,7 +15,7 @@ from planner.runs.run import FIRST_MOUNTING
 from planner.session.plan_record import content_hash, part_hashes, waypoint_records
 from planner.session.plan_types import Course, Waypoints, time_course
 from planner.session.planned_session import NOT_HASHED
-from planner.workflow.writing import write_cell
+from planner.workflow.plan_results import write_cell
 from tests.not_everywhere import require_planning
 
 CANDIDATES = 400

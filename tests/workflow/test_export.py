@@ -19,8 +19,8 @@ from planner.session.notes import bar_notes, session_notes
 from planner.session.plan_record import content_hash
 from planner.session.plan_types import Drive, Visit, Waypoints, time_course
 from planner.session.planned_session import NOT_HASHED, load_session
+from planner.workflow.plan_results import write_cell, write_program_as
 from planner.workflow.plan_use import export
-from planner.workflow.writing import write_cell, write_program_as
 from tests.command import edbb
 from tests.speaking import let_speak_all
 from tests.workflow.small_plan import proven_tour, small_course
