@@ -31,6 +31,7 @@ OF_SOURCES = (  # parse every file of the planner: once, in one process
     "tests/cli/test_recommended.py", "tests/docs/test_plain_words.py",
 )  # fmt: skip
 SHARED = {  # what computes the same as another file
+    "tests/workflow/test_screens.py": "tests/checks/test_refused_robots.py",
     "tests/identification/test_suitability.py": "tests/identification/test_posterior.py",
     **dict.fromkeys(OF_SOURCES, "tests/test_layers.py"),
 }

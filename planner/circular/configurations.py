@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import qmc
 
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
@@ -147,6 +146,8 @@ def tool_axes(circle: Circle) -> Iterator[Array]:
 
 def _start_poses(cell: Cell, circle: Circle, angle: float, seed: int) -> tuple[Array, Array]:
     """Distinct configurations (m, N) [rad] of all start poses, limits not looked at, with orientations (m, 3, 3)."""
+    from scipy.stats import qmc  # costs most of a second
+
     same = 1e-4  # [rad] start poses nearer than this are one
     robot = cell.robot
     R = rotated_orientations(cell.tool.axis_F, tool_axes(circle), TOOL_SPINS)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import qmc
 
 from planner.cell.cell import Cell, MeasurementSetup, setup_of
 from planner.cell.reading import cell_file_of, cell_of
@@ -149,6 +148,8 @@ def _follow_circles(cell: Cell, grid: list[tuple[Circle, int]], height: float, s
 
 def _find_starts(cell: Cell, x: Array, normals: Array, seed: int) -> tuple[np.ndarray, Array, Array]:
     """Start poses: which circle (m,), angles (m, N) [rad] and orientation (m, 3, 3), the tool against the normal."""
+    from scipy.stats import qmc  # costs most of a second
+
     spins = 4  # turns of the tool about its own axis
     robot = cell.robot
     low, high = np.maximum(robot.q_lower, -np.pi / 2), np.minimum(robot.q_upper, np.pi / 2)

@@ -14,13 +14,10 @@ from planner.common.units import MM
 from planner.design.discrimination.findings import read_identification
 from planner.kinematics.robot_reader import load_robot
 from planner.next_session.remaining_errors import CalibratedState
-from planner.workflow import identification
 from planner.workflow.compensation import compensate
 from planner.workflow.fleet import read_robot
 from tests.command import edbb
-from tests.golden.case import lay_files
-from tests.golden.cases import CASES
-from tests.identification.few_draws import few_draws
+from tests.golden.wire import fitted_wire
 
 TARGETS = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,-20,30,15,50,-20\n"
 WORSE = "WORSE THAN THE NOMINAL ROBOT, do not use it: held-out samples 0.100 → 0.200 mm (rms)"
@@ -28,13 +25,8 @@ FAILED = "all lengths are off by one factor (5.0 %): scale or unit; check the un
 
 
 @pytest.fixture(scope="module")
-def fitted(tmp_path_factory):
-    """A small run of a wire, fitted, not traced."""
-    folder = tmp_path_factory.mktemp("wire")
-    (case,) = (c for c in CASES if c.name == "irb120-draw-wire")
-    lay_files(case, folder)
-    with few_draws():
-        return identification.identify(folder / "wire.csv", cell=folder / "cell.toml", no_trace=True)
+def fitted():
+    return fitted_wire()
 
 
 def refused(fitted, why, worse):

@@ -45,18 +45,10 @@ def test_modules_of_an_installed_package_are_known(tmp_path):
 
 
 @needs_path
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
-        (
-            "from planner.effects.catalogue import register\nregister('backlash')(lambda run: ())",
-            "ValueError: effect 'backlash': planner.effects.backlash has registered it already",
-        ),
-    ],
-)
-def test_a_module_that_cannot_be_used_is_named(tmp_path, text, said):
+def test_a_module_that_cannot_be_used_is_named(tmp_path):
     path = _install(tmp_path / "site", cables="cables_of_mine")
+    text = "from planner.effects.catalogue import register\nregister('backlash')(lambda run: ())"
+    said = "ValueError: effect 'backlash': planner.effects.backlash has registered it already"
     (tmp_path / "site" / "cables_of_mine.py").write_text(text)
     done = edbb("plan", "ur10/edbb", "-o", tmp_path / "out", PYTHONPATH=path)
     assert done.returncode == 2

@@ -14,9 +14,7 @@ from planner.model.finding import Finding
 from planner.model.identification_document import ErrorParts, Metrics, WorkToolError
 from planner.model.misfit_place import MisfitPlace, MisfitRange
 from planner.workflow import identification
-from tests.golden.case import lay_files
-from tests.golden.cases import CASES
-from tests.identification.few_draws import few_draws
+from tests.golden.wire import fitted_wire
 
 MM, UM = 1e-3, 1e-6
 SURE, LIKELY, DOUBTFUL = 0.99, 0.7, 0.02
@@ -34,13 +32,8 @@ TRAITS = {
 
 
 @pytest.fixture(scope="module")
-def fitted(tmp_path_factory):
-    """A small run of a wire, fitted, not traced."""
-    folder = tmp_path_factory.mktemp("wire")
-    (case,) = (c for c in CASES if c.name == "irb120-draw-wire")
-    lay_files(case, folder)
-    with few_draws():
-        return identification.identify(folder / "wire.csv", cell=folder / "cell.toml", no_trace=True)
+def fitted():
+    return fitted_wire()
 
 
 def with_traits(result, causes, parts, validated, tools, notes, state):
