@@ -19,9 +19,8 @@ from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
 from planner.session.plan_record import plan_document
 from planner.session.planning import with_programs
-from planner.workflow.plan_results import PlanResult
+from planner.workflow.plan_results import PlanResult, write_cell
 from planner.workflow.planning import plan_cell
-from planner.workflow.writing import write_cell
 from tests.command import edbb
 from tests.programs.reading import read_back, verify
 
