@@ -268,6 +268,11 @@ class GaugeSession:
     removal: ClassVar[str] = ""  # what a person does after the last pose
 
     @property
+    def ends(self) -> tuple[str, str]:
+        """What stands at its place in the cell, and what sits on the tool, in a word each."""
+        return "fixture", "ball"
+
+    @property
     def measuring_command(self) -> str:
         """How the session of a plan is measured; ``PLAN`` stands for its path."""
         return "run the program and log it (to try it: edbb simulate PLAN -o run.csv)"

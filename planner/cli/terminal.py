@@ -176,7 +176,7 @@ def give(
 
 
 def screen_text(result: Result, output: Path | None, verbose: bool = False) -> str:
-    """Return the lines on the screen about a result in a folder: at most ten, or all with ``verbose``."""
+    """Return the lines on the screen about a result in a folder: at most eight, or all with ``verbose``."""
     files = "" if output is None else result.files(output)
     facts = [("written to", f"{output}: {files}")] if files else []
     step = "" if output is None or result.problems else result.next_step(output)

@@ -119,7 +119,7 @@ class Result(ABC):
         """Return the findings, one fact a line."""
 
     def summary(self, verbose: bool = False) -> str:
-        """Return the findings in at most ten lines; all of them with ``verbose``."""
+        """Return the findings in at most eight lines; all of them with ``verbose``."""
         return self.overview().text(verbose, SCREEN_LINES)
 
     @abstractmethod

@@ -13,7 +13,7 @@ KEY = 12
 """Signs of the column of keys."""
 
 
-SCREEN_LINES = 10
+SCREEN_LINES = 8
 """Lines of a screen, files and next step among them: what an eye takes in at once."""
 
 
@@ -56,7 +56,6 @@ class Summary:
         notes: what a person must know; an :class:`Aside` is a detail.
         stays: one of the facts, for which the one before the cut gives way.
         in_full: those of the facts that the details say again, with more: beside these they are left out.
-        fewer: lines of a screen that it leaves free.
     """
 
     title: str
@@ -65,7 +64,6 @@ class Summary:
     notes: Sequence[str] = ()
     stays: Fact | None = None
     in_full: Sequence[Fact] = ()
-    fewer: int = 0
 
     def text(self, verbose: bool = False, most: int | None = None) -> str:
         """Return the title and the facts as lines; ``verbose``: the details and the asides too.
@@ -79,7 +77,6 @@ class Summary:
             facts = [fact for fact in self.facts if fact not in self.in_full]
             return "\n".join([self.title, *fact_lines([*facts, *asked, *self.details, *asides])])
         if most is not None:
-            most -= self.fewer
             least = min(len(self.facts), 4, max(most - 2, 1))  # facts that stand beside any number of notes
             asked = cut_facts(asked, max(most - 1 - least, 1))
             facts = cut_facts(self.facts, max(most - 1 - len(asked), least), self.stays)

@@ -3,5 +3,5 @@
 __all__ = [
     "assumptions", "bayesian_design", "candidates", "discrimination", "expected_errors", "fixtures",
     "foresight_text", "free_parameters", "learnt_sizes", "observability", "off_grid", "pose_selection",
-    "selection", "unnamed_errors",
+    "selection", "target_errors", "unnamed_errors",
 ]  # fmt: skip

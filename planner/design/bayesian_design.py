@@ -26,7 +26,14 @@ from planner.design.assumptions import (
     UNTRACED_TARGET_SHARE,
 )
 from planner.design.candidates.pool import PoseSet
-from planner.design.expected_errors import ErrorForecast, ExpectedErrors, error_limit, expected_error, share_below
+from planner.design.expected_errors import (
+    ErrorByNumber,
+    ErrorForecast,
+    ExpectedErrors,
+    error_limit,
+    expected_error,
+    share_below,
+)
 from planner.design.free_parameters import undeclared_errors
 from planner.design.goal_of_poses import settle_until
 from planner.design.selection.search import add_greedily, exchange_singly
@@ -99,15 +106,6 @@ FORESEEN_NUMBERS = (40, 80, 120, 200)  # [poses] of which the error is foreseen 
 
 
 @dataclass(frozen=True)
-class ErrorByNumber:
-    """What another number of poses would give: expected error of the tool [m], and minutes of driving where known."""
-
-    poses: int
-    error: float
-    minutes: float | None = None
-
-
-@dataclass(frozen=True)
 class BayesianDesign(ErrorForecast):
     """The poses that show most of what may be wrong, and the error that the robot would keep.
 
@@ -117,7 +115,6 @@ class BayesianDesign(ErrorForecast):
         on_grid: expected error of the tool [m] after the chosen candidates, before any of them was moved or replaced.
         bound: no n of the candidates that were considered leave a smaller error than this [m].
         floor: expected error of the tool [m] after all candidates: what these places cannot show.
-        by_number: of other numbers of poses, and of this one.
         forecast: of this number, foreseen as the others are: among few candidates [m].
         until: what 95 of 100 robots are to stay below [m]; ``None``: nobody has asked for that.
         share_below: of such robots that are below ``until`` after the poses that are driven.
@@ -128,7 +125,6 @@ class BayesianDesign(ErrorForecast):
     on_grid: float
     bound: float
     floor: float
-    by_number: tuple[ErrorByNumber, ...]
     forecast: float
     until: float | None = None
     share_below: float | None = None

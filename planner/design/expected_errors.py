@@ -1,6 +1,7 @@
 """What may be wrong with a robot before a session is planned, and the error of its tool by it: one protocol."""
 
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Protocol, Self
@@ -100,6 +101,15 @@ class GoalOutOfReachError(NoSolutionError):
 
 
 @dataclass(frozen=True)
+class ErrorByNumber:
+    """What another number of poses would give: expected error of the tool [m], and minutes of driving where known."""
+
+    poses: int
+    error: float
+    minutes: float | None = None
+
+
+@dataclass(frozen=True)
 class ErrorForecast:
     """The error of the tool that such robots have before a session and keep after it.
 
@@ -107,18 +117,29 @@ class ErrorForecast:
         unknown: what may be wrong.
         left: expected error after the poses that are driven [m].
         at_most: what 95 of 100 such robots stay below then [m].
+        by_number: of other numbers of poses, and of this one.
     """
 
     unknown: ExpectedErrors
     left: float
     at_most: float
+    by_number: tuple[ErrorByNumber, ...]
 
     @classmethod
-    def of(cls, unknown: ExpectedErrors, samples: Samples) -> "ErrorForecast":
-        """Return the forecast for the poses ``samples`` of any gauge."""
-        white = unknown.white(samples)
-        squares = _weights_of_squares(unknown.weight_per_prior, white)
-        return cls(unknown, expected_error(unknown, float(squares.sum())), error_limit(unknown, white))
+    def of(
+        cls, unknown: ExpectedErrors, samples: Samples, minutes: Callable[[int], float] | None = None
+    ) -> "ErrorForecast":
+        """Return the forecast for the poses ``samples`` of any gauge, and for half and twice as many poses like them.
+
+        ``minutes``: that a number of poses takes.
+        """
+        white, numbers = unknown.white(samples), []
+        for share in (0.5, 1.0, 2.0):
+            squares = _weights_of_squares(unknown.weight_per_prior, white * np.sqrt(share))
+            poses = round(share * len(samples))
+            took = None if minutes is None else minutes(poses)
+            numbers.append(ErrorByNumber(poses, expected_error(unknown, float(squares.sum())), took))
+        return cls(unknown, numbers[1].error, error_limit(unknown, white), tuple(numbers))
 
     @property
     def before(self) -> float:

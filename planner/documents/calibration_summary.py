@@ -1,6 +1,7 @@
 """Makes the summary of a calibration: the one source of what screen, page and document say first."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,8 +16,17 @@ from planner.model.use_text import TOOLS, bound_text, share_text
 from planner.release.error_parts import drift_counts, misfit_counts
 from planner.release.suitability import judge_use
 
-Step = tuple[float, NextStep]
-"""What a step takes off the error [m], and the step."""
+
+@dataclass(frozen=True)
+class _Step:
+    """Something to do, what it leaves of the error, rms [m], and how long it takes, where that is known."""
+
+    what: str
+    left: float
+    minutes: float | None
+    how: str = " at best"
+
+
 GEOMETRY = "Lengths and angles of the arm"
 SECOND_POINT = "Measure 20 poses with a second tool point"
 
@@ -35,6 +45,7 @@ def summarize(c: Calibration, tool: ToolName | None = None, minutes_a_pose: floa
     used: ToolName = (tool if tool != "own" or own else None) or ("own" if own else "measured")
     answer, headline, because = _verdict(c, use, used)
     mine = None if use is None else _of_tool(use, used)
+    before = None if mine is None else mine.targets_within_before
     return CalibrationSummary(
         answer=answer,
         headline=headline,
@@ -42,9 +53,10 @@ def summarize(c: Calibration, tool: ToolName | None = None, minutes_a_pose: floa
         tolerance=None if use is None else use.tolerance,
         tool=used,
         targets_within=None if mine is None else mine.targets_within,
-        targets_within_before=None if mine is None else mine.targets_within_before,
-        causes=() if c.reason_not_to_use else tuple(_causes(c))[:3],
-        next_steps=tuple(_next_steps(c, r, used, minutes_a_pose)),
+        targets_within_before=before,
+        other_tool_within=None if use is None or used == "another" else _of_tool(use, "another").targets_within,
+        causes=() if c.reason_not_to_use else tuple(cause_lines(c, before))[:3],
+        next_steps=tuple(_next_steps(c, r, use, used, minutes_a_pose)),
     )
 
 
@@ -66,27 +78,29 @@ def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[UseAnswer
     if use is None:
         return "not known", "Not known what this robot is good for", "The error over the workspace was not estimated."
     mine = _of_tool(use, tool)
-    others = [t for t in use.tools if t.tool != tool]
-    beside = "; ".join(f"{bound_text(t.targets_within)} with {TOOLS[t.tool]}" for t in others)
     if use.tolerance is None or mine.answer is None:
-        why = "State a tolerance (--tolerance-mm, or tolerance_mm of [use]) for a yes or no."
-        headline = f"Good for offline programs that allow {bound_text(mine.targets_within)}"
-        return "not known", headline, f"{why} Programs have to allow {beside}."
+        within, before = bound_text(mine.targets_within), bound_text(mine.targets_within_before)
+        why = "A yes or no needs a tolerance: --tolerance-mm, or tolerance_mm of [use]."
+        return "not known", f"95 of 100 targets within {within}, {before} before", why
     limit = f"{float(to_mm(use.tolerance)):g} mm"
     words = {"yes": "Good enough", "no": "Not good enough", "not known": "Not known whether it is good enough"}
     before = share_text(mine.share_before)
     share = f"{share_text(mine.share)} of targets are within {limit} with {TOOLS[tool]}, {before} before"
-    return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}. 95 of 100 are within {beside}."
+    return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}."
 
 
-def _causes(c: Calibration) -> Iterator[CauseLine]:
-    """Return why the robot erred: its geometry where that counts, then what tracing found."""
+def cause_lines(c: Calibration, before: float | None) -> Iterator[CauseLine]:
+    """Return why the robot erred: its geometry where that counts, then what tracing found.
+
+    ``before``: what 95 of 100 targets stayed within [m]; the geometry is stated as a part of that.
+    """
     r = c.release
     if r is not None and (fell := r.nominal_anywhere**2 - r.geometry_anywhere**2) > 0:
         moved = [e for e in c.estimates if e.identifiable and e.group == "geometry" and e.std]
         first = max(moved, key=lambda e: abs(e.value - e.nominal) / (e.std or 1.0), default=None)
         most = "" if first is None else f", {first.name} most"
-        yield CauseLine(what=f"{GEOMETRY}{most}", size=_mm(np.sqrt(fell)), how_sure="found")
+        times = 1.0 if before is None else before / r.nominal_anywhere
+        yield CauseLine(what=f"{GEOMETRY}{most}", size=bound_text(times * float(np.sqrt(fell))), how_sure="found")
     if c.tried is None:
         return
     for cause in [f for f in c.findings if not f.is_doubtful] or c.findings[:1]:
@@ -111,52 +125,58 @@ def _how_sure(cause: Finding) -> str:
     return sure + (f", else one of {others} others" if others > 1 else ", else one other" if others else "")
 
 
-def _next_steps(c: Calibration, r: Release | None, tool: ToolName, pace: float | None) -> list[NextStep]:
+def _next_steps(
+    c: Calibration, r: Release | None, use: Use | None, tool: ToolName, pace: float | None
+) -> list[NextStep]:
     """Return the two steps that bring most, or what to do with a robot that is good enough."""
     if c.reason_not_to_use or r is None:
         return [NextStep(what="Correct what is said above and measure again", brings="")]
     used = {"measured": c.workspace_error, "another": r.other_tool}.get(tool)
     if used is None:
         used = c.workspace_error if r.work_tool is None else r.work_tool.anywhere
-    steps = sorted(_steps(c, r, used, pace), key=lambda s: -s[0])
-    # 0.03: part of the error that a step must take off to be named: less nobody notices
-    best = [step for gain, step in steps if gain > 0.03 * used]
+    within = used if use is None else _of_tool(use, tool).targets_within
+    # what 95 of 100 targets stay within falls as the rms error does
+    steps = [(s, within * min(s.left / used, 1.0)) for s in sorted(_steps(c, r, used, pace), key=lambda s: s.left)]
+    # 0.97: part of the error that a step must not leave to be named: nobody notices less
+    best = [NextStep(what=s.what, brings=_span(within, left, s)) for s, left in steps if left < 0.97 * within]
     if tool == "measured" and r.other_tool**2 - used**2 >= ANOTHER_TOOL_SHARE * r.other_tool**2:
-        brings = f"any other tool {_span(r.other_tool, used, None)} at best"
-        best.insert(1, NextStep(what=SECOND_POINT, brings=brings))
+        second = _Step(SECOND_POINT, used, None)
+        other = r.other_tool if use is None else _of_tool(use, "another").targets_within
+        best.insert(1, NextStep(what=second.what, brings=f"any other tool {_span(other, within, second)}"))
     correct = NextStep(what="Correct your programs: edbb compensate", brings="")
-    enough = c.good_for is not None and any(t.tool == tool and t.answer == "yes" for t in c.good_for.tools)
+    enough = use is not None and any(t.tool == tool and t.answer == "yes" for t in use.tools)
     return ([correct, *best] if enough else [*best, correct])[:2]
 
 
-def _steps(c: Calibration, r: Release, used: float, pace: float | None) -> Iterator[Step]:
-    """Return what would make the error smaller, each with how much it takes off ``used`` [m]."""
+def _steps(c: Calibration, r: Release, used: float, pace: float | None) -> Iterator[_Step]:
+    """Return what would make the error smaller, which is ``used``, rms [m]; ``pace``: minutes of a pose."""
     here, parts = c.workspace_error, r.parts
+
+    def minutes(poses: int) -> float | None:
+        """Return how long so many poses take."""
+        return None if pace is None else poses * pace
+
     if used**2 - here**2 >= ANOTHER_TOOL_SHARE * used**2:
-        yield used - here, NextStep(what=SECOND_POINT, brings=_brings(20, pace, used, here, " at best"))
+        yield _Step(SECOND_POINT, here, minutes(20))
         return
     if c.more is not None:
-        more = f"Measure {c.more.poses} more poses: edbb plan --after"
-        left = np.sqrt(max(used**2 - here**2, 0.0) + c.more.anywhere**2)
-        yield used - left, NextStep(what=more, brings=_span(used, left, c.more.minutes))
+        left = float(np.sqrt(max(used**2 - here**2, 0.0) + c.more.anywhere**2))
+        yield _Step(f"Measure {c.more.poses} more poses: edbb plan --after", left, c.more.minutes, "")
     if parts is None:
         return
     left = _without(parts.unseen, used, r)
     one_cup = c.run.readings.length is not None and len(c.run.places) == 1
-    if one_cup and parts.unseen > max(parts.seen, parts.misfit):
-        cup = "Measure from a second cup: edbb plan --fixtures 2"
-        yield used - left, NextStep(what=cup, brings=_brings(c.n_groups, pace, used, left, " at best"))
-    elif parts.unseen > max(parts.seen, parts.misfit):
-        wider = "Measure poses in parts of the workspace that the run leaves out"
-        yield used - left, NextStep(what=wider, brings=_brings(20, pace, used, left, " at best"))
+    if parts.unseen > max(parts.seen, parts.misfit):
+        if one_cup:
+            yield _Step("Measure from a second cup: edbb plan --fixtures 2", left, minutes(c.n_groups))
+        else:
+            yield _Step("Measure poses in parts of the workspace that the run leaves out", left, minutes(20))
     if drift_counts(parts):
-        left = _without(parts.drift, used, r)
         warm = "Measure once the arm is warm, or log temperature_degC"
-        yield used - left, NextStep(what=warm, brings=f"{_span(used, left, None)} at best")
+        yield _Step(warm, _without(parts.drift, used, r), None)
     if misfit_counts(parts) and (place := r.misfit_place) is not None:
-        left = _without(parts.misfit, used, r)
         where = f"with {', '.join(x.text for x in place.ranges)}" if place.ranges else "twice each ([plan] repeat)"
-        yield used - left, NextStep(what=f"Measure 20 poses {where}", brings=_brings(20, pace, used, left, " at best"))
+        yield _Step(f"Measure 20 poses {where}", _without(parts.misfit, used, r), minutes(20))
 
 
 def _without(part: float, used: float, r: Release) -> float:
@@ -164,19 +184,10 @@ def _without(part: float, used: float, r: Release) -> float:
     return float(max(np.sqrt(max(used**2 - part**2, 0.0)), r.where_measured or 0.0))
 
 
-def _brings(poses: int, pace: float | None, before: float, after: float, how: str) -> str:
-    return _span(before, after, None if pace is None else poses * pace) + how
-
-
-def _span(before: float, after: float, minutes: float | None) -> str:
-    """``8 min, 0.25 → 0.21 mm``; errors are rms over the workspace."""
-    time = "" if minutes is None else f"about {max(minutes, 1.0):.0f} min, "
-    return f"{time}{_mm(before).removesuffix(' mm')} → {_mm(after)} rms"
-
-
-def _mm(value: float) -> str:
-    mm = float(to_mm(value))
-    return f"{mm:.2f} mm" if mm >= 0.1 else f"{mm:.3f} mm"
+def _span(before: float, after: float, step: _Step) -> str:
+    """``about 8 min, 0.52 mm → 0.44 mm at best``: what 95 of 100 targets stay within."""
+    time = "" if step.minutes is None else f"about {max(step.minutes, 1.0):.0f} min, "
+    return f"{time}{bound_text(before)} → {bound_text(after)}{step.how}"
 
 
 def _capital(text: str) -> str:

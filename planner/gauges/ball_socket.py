@@ -104,6 +104,11 @@ class BallSocket(BallGauge):
         )
 
     @property
+    def ends(self) -> tuple[str, str]:
+        """A socket of the plate, and the ball that is led into it."""
+        return "socket", "ball"
+
+    @property
     def drives_on_when_read(self) -> bool:
         """The robot dwells once the ball is seated: its axes are logged then."""
         return False

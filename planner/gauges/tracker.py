@@ -68,6 +68,11 @@ class Tracker(FrameGauge):
             )
         return file.tracker
 
+    @property
+    def ends(self) -> tuple[str, str]:
+        """The tracker and its reflector."""
+        return "tracker", "reflector"
+
     def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
         """The tracker has to see the reflector."""
         return "", "put the reflector into its nest and let the tracker find it"

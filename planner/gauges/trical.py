@@ -38,6 +38,11 @@ class TriCalHead(BallGauge):
     default_noise_um: ClassVar[float] = 3.0
     ways_to_read: ClassVar[tuple[ReadBy, ...]] = ("centring",)
 
+    @property
+    def ends(self) -> tuple[str, str]:
+        """A ball of the artifact, and the head that is centred on it."""
+        return "ball", "head"
+
     @classmethod
     def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
         """Return the head."""

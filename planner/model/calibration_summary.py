@@ -30,11 +30,12 @@ class CalibrationSummary(DocumentSection):
         tolerance: that was stated [m]; ``None`` where none was.
         tool: with which tool; the figure and the next steps are of this one.
         targets_within, targets_within_before: what 95 of 100 targets stay within [m]; ``None`` where nothing is known.
+        other_tool_within: the same with any other tool.
         causes: three at most, what takes most away first.
         next_steps: two at most, what brings most first.
     """
 
-    if_any = ("tolerance_mm", "within_mm", "within_before_mm")
+    if_any = ("tolerance_mm", "within_mm", "within_before_mm", "other_tool_within_mm")
     answer: UseAnswer
     headline: str
     because: str
@@ -42,6 +43,7 @@ class CalibrationSummary(DocumentSection):
     tool: ToolName
     targets_within: float | None = None
     targets_within_before: float | None = None
+    other_tool_within: float | None = None
     causes: tuple[CauseLine, ...] = ()
     next_steps: tuple[NextStep, ...] = ()
 
@@ -52,8 +54,9 @@ class CalibrationSummary(DocumentSection):
 
     @property
     def meaning(self) -> str:
-        """What the figure means, and what it was before."""
+        """What the figure means, as far as the headline does not say it, and what another tool makes of it."""
         if self.targets_within is None or self.targets_within_before is None:
             return ""
-        before = bound_text(self.targets_within_before)
-        return f"95 of 100 targets are within this with {TOOLS[self.tool]}. Before: {before}."
+        before = f"95 of 100 targets are within this, {bound_text(self.targets_within_before)} before, "
+        other = "" if (o := self.other_tool_within) is None else f"; with {TOOLS['another']} {bound_text(o)}"
+        return f"{'' if self.tolerance is None else before}with {TOOLS[self.tool]}{other}"

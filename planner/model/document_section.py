@@ -53,6 +53,7 @@ KEYS = {
     "range": "range_deg",
     "targets_within": "within_mm",
     "targets_within_before": "within_before_mm",
+    "other_tool_within": "other_tool_within_mm",
     "tolerance": "tolerance_mm",
     "repeatability": "repeatability_mm",
 }

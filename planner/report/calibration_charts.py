@@ -218,7 +218,8 @@ def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
     )
     x, y, near = _neighbourhoods(reach, height)
     fields = [_blur(near, error) for error in (before, after)]
-    most = float(np.nanmax(fields[0]))
+    most = max(float(np.nanmax(fields[0])), float(to_mm(facts.summary.targets_within_before or 0.0)))
+    most = float(f"{most:.2g}")
     samples = facts.calibration.run.samples
     few = samples.take(even_positions(len(samples), DRAWN_POSES))
     poses = _reach_height(tool_position(few, facts.calibration.setup))
@@ -236,7 +237,7 @@ def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
         )
         for title, label, field in (("before", "height (mm)", fields[0]), ("after", "", fields[1]))
     )
-    caption = f"Error of the tool (mm) over the workspace, with {TOOLS[which]}. Dots: measured poses."
+    caption = f"Error (mm) that 95 of 100 robots like this stay below, with {TOOLS[which]}. Dots: measured poses."
     return Chart("expected_error", "Error over the workspace", caption, panels, columns=2)
 
 

@@ -8,11 +8,11 @@ import numpy as np
 from planner.common.determinism import even_positions
 from planner.common.units import Array, mean_by_group, to_deg, to_mm
 from planner.documents.calibration import Calibration
-from planner.documents.calibration_summary import summarize
+from planner.documents.calibration_summary import cause_lines, summarize
 from planner.effects.compliance import LEAST_LOAD
 from planner.effects.context import Context
 from planner.kinematics.geometry import bar_state
-from planner.model.calibration_summary import CalibrationSummary
+from planner.model.calibration_summary import CalibrationSummary, CauseLine
 from planner.model.identification_document import Release, Stage, error_size
 from planner.model.model import chunks
 
@@ -79,6 +79,11 @@ class CalibrationFacts:
     def summary(self) -> CalibrationSummary:
         """What the page says first, as the document has it."""
         return self.calibration.summary or summarize(self.calibration)
+
+    @cached_property
+    def causes(self) -> tuple[CauseLine, ...]:
+        """Why the robot erred, all of it: the first of them are the summary's."""
+        return tuple(cause_lines(self.calibration, self.summary.targets_within_before))
 
     @cached_property
     def correlation(self) -> Array:

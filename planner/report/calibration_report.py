@@ -40,7 +40,8 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "stages": [*(_stage(s) for s in c.stages), *_release_row(c)],
         "declared": text.declared_effects_text(c),
         "findings": text.finding_texts(facts),
-        "causes_about": text.causes_about(c),
+        "causes_about": text.causes_about(facts),
+        "causes_more": len(facts.causes) - len(facts.summary.causes) if facts.summary.causes else 0,
         "limits": text.limit_table(c),
         "rejected": list(dict.fromkeys((r.name, r.because) for r in c.rejected))[:20],  # that are listed
         "joints": tuple(f"joint {j + 1}" for j in range(c.run.samples.q.shape[1])),

@@ -6,8 +6,9 @@ import numpy as np
 
 from planner.common.units import Array, display_unit, file_unit, si_unit
 from planner.documents.calibration import Calibration
+from planner.documents.calibration_summary import GEOMETRY
 from planner.documents.gauge_unit_errors import own_errors_text
-from planner.model.finding import Finding, percent
+from planner.model.finding import Finding, inner_unit, percent
 from planner.model.identification_document import DetectionLimit, Estimate
 from planner.release.error_parts import drift_counts
 from planner.report.calibration_data import CalibrationFacts
@@ -113,12 +114,13 @@ def computed_text(c: Calibration) -> tuple[str, ...]:
     )
 
 
-def causes_about(c: Calibration) -> str:
-    """Say how many causes were found."""
-    if c.tried is None:
-        return "not looked for"
-    sure = sum(not f.is_doubtful for f in c.findings)
-    return f"besides the geometry {sure} found or likely, {len(c.findings) - sure} doubtful"
+def causes_about(facts: CalibrationFacts) -> str:
+    """Say how many causes were found, counted as on the first screen."""
+    c = facts.calibration
+    sure = sum(not line.how_sure.startswith("doubtful") for line in facts.causes)
+    doubtful = sum(f.is_doubtful for f in c.findings)
+    rest = "none looked for beyond the geometry" if c.tried is None else f"{doubtful} doubtful"
+    return f"{sure} found or likely, {rest}"
 
 
 def released_text(c: Calibration) -> str:
@@ -197,7 +199,13 @@ def refusal_text(c: Calibration) -> tuple[str, ...]:
 def finding_texts(facts: CalibrationFacts) -> list[tuple[str, str, tuple[str, ...]]]:
     """Say what was found, in the order of the document: heading, name of the chart if there is one, evidence."""
     out, seen = list[tuple[str, str, tuple[str, ...]]](), dict[tuple[str, str], int]()
-    for number, told in enumerate(told_findings(facts), 1):
+    for line in facts.causes:
+        if line.what.startswith(GEOMETRY):
+            size = (
+                f"They make {line.size} of what 95 of 100 targets were within before. The section Parameters has each."
+            )
+            out.append((line.what, "", (size,)))
+    for number, told in enumerate(told_findings(facts), len(out) + 1):
         out.append((_capital(told.finding.note), told.name if told.steps else "", _evidence(facts, told, seen)))
         for step in told.steps:
             seen.setdefault((step.before.name, step.after.name), number)
@@ -251,7 +259,7 @@ def _size(f: Finding) -> str:
     if f.inner is None:
         return out
     value, std = f.inner.value, f.inner.std
-    unit, factor = display_unit(f.inner.unit, value)
+    unit, factor = inner_unit(f.inner.unit, value)
     inner = digits(value * factor, 4) if std is None else _pair(value * factor, std * factor)
     others = "".join(f" or {digits(o.value * factor, 4)} ({percent(o.probability)})" for o in f.inner.others)
     return f"{out}, {f.inner.name} {inner}{others} {unit}"

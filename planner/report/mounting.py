@@ -8,7 +8,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import gauge_class
 from planner.common.units import Array, to_mm
 from planner.kinematics.inverse_kinematics import tool_pose
-from planner.session.plan_types import Drive, Plan
+from planner.session.plan_types import Drive, Plan, Visit
 
 Point = tuple[float, float]
 
@@ -58,7 +58,10 @@ class MountingDrawing:
     Attributes:
         fixture, ball, flange, base: ends of the gauge, middle of the flange, foot of axis 1, (x, y) from the top left.
         floor: height of what the fixture stands on.
+        top: height of what is written above all that is drawn.
+        others: further balls or sockets of an artifact, each with its name.
         away: how far the fixture is from axis 1 [mm]; position: of it in the frame of the base (3,) [mm].
+        line: between the ends of the gauge: ``rod``, ``sight`` or none.
         gauge: the gauge and its length; holder: where its end sits in the frame of the flange, in words.
         title: of the drawing.
     """
@@ -68,41 +71,75 @@ class MountingDrawing:
     flange: Point
     base: Point
     floor: float
+    top: float
+    others: tuple[tuple[Point, str], ...]
     away: float
     position: tuple[float, float, float]
+    line: str
     gauge: str
     holder: str
     title: str
 
 
 def mounting_drawings(plan: Plan) -> list[MountingDrawing]:
-    """Return a drawing of base, fixture, gauge and holder at each mount pose; of bars and wires."""
-    return [_drawing(plan.cell, d) for d in plan.drives] if plan.cell.has_bar() else []
+    """Return a drawing of base, gauge and flange for each mounting."""
+    return [_drawing(plan.cell, d) for d in plan.drives if plan.cell.fixtures]
 
 
 def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
-    q = np.asarray(drive.visits[0].q)[None]
-    fixture = to_mm(cell.fixtures[drive.mounting.fixture].p_BX)
+    gauge, (stands, on_tool) = cell.gauge, cell.gauge.ends
+    attached = cell.has_bar()
+    visit = _drawn_visit(cell, drive)
+    q, place = np.asarray(visit.q)[None], cell.fixtures[drive.mounting.fixture]
+    balls = [(b.name, to_mm(place.p_BX + place.R_BX @ b.p_GS)) for b in cell.balls] if gauge.at_balls else []
+    name, fixture = balls[visit.ball] if balls else (cell.place_name(drive.mounting), to_mm(place.p_BX))
     ball = to_mm(cell.at(drive.mounting).map_position(q)[0])
     holder = cell.tool.points[drive.mounting.point].p_FM
     flange = ball - to_mm(tool_pose(cell.chain, cell.robot, q)[1][0] @ holder)
     away = float(np.hypot(*fixture[:2]))
     along = fixture[:2] / away if away > 1.0 else np.array([1.0, 0.0])  # [mm] a fixture on the axis itself
     ground = min(0.0, float(fixture[2]), 0.0 if cell.base.floor is None else float(to_mm(cell.base.floor)))
-    flat = np.array([[p[:2] @ along, p[2]] for p in (fixture, ball, flange, np.array([0.0, 0.0, ground]))])
+    flat = [[p[:2] @ along, p[2]] for p in (fixture, ball, flange, *(p for _, p in balls))]
+    A, B, F, *others, base = _to_scale(np.array([*flat, [0.0, ground]]))
+    x, y, z = (round(float(v)) for v in fixture)
+    own = f"{stands} {name}".strip()
+    length = gauge.length_text(visit.length)
+    return MountingDrawing(
+        fixture=A,
+        ball=B,
+        flange=F,
+        base=base,
+        floor=base[1],
+        top=max(14.0, min(F[1] - 14.0, B[1] - 14.0, *(p[1] - 24.0 for p in others))),
+        others=tuple((p, n) for p, (n, _) in zip(others, balls, strict=True) if n != name),
+        away=away,
+        position=(x, y, z),
+        line="rod" if attached else "" if balls else "sight",
+        gauge=f"{gauge.noun} {length}" if attached else own,
+        holder=f"{on_tool} at {_vector(holder)} mm of the flange",
+        title=f"{own[:1].upper()}{own[1:]}, {on_tool} and flange from the side",
+    )
+
+
+def _drawn_visit(cell: Cell, drive: Drive) -> Visit:
+    """Return the mount pose of what is attached there, a pose in the first ball, or the highest pose that is seen."""
+    read = [v for v in drive.visits if v.role != "mount"]
+    if cell.has_bar() or not read:
+        return drive.visits[0]
+    if cell.gauge.at_balls:
+        return read[0]
+    height = cell.at(drive.mounting).map_position(np.array([v.q for v in read]))[:, 2]
+    return read[int(np.argmax(height))]
+
+
+def _to_scale(flat: Array) -> list[Point]:
+    """Return points (n, 2) [mm], along and up, in units of the drawing; the last of them is the foot of axis 1."""
     size = np.array([480.0, 210.0])  # units of the drawing
     left, top, right, below = 74.0, 40.0, 112.0, 38.0  # units of its margins, for what is written
     low, high = flat.min(axis=0), flat.max(axis=0)
     scale = float(((size - (left + right, top + below)) / np.maximum(high - low, 1.0)).min())
     drawn = [left, size[1] - below] + scale * (flat - low) * [1.0, -1.0]
-    A, B, F, base = ((round(float(x), 1), round(float(y), 1)) for x, y in drawn)
-    x, y, z = (round(float(v)) for v in fixture)
-    length = cell.gauge.length_text(drive.visits[0].length)
-    title = f"Fixture {cell.place_name(drive.mounting)}, {cell.gauge.noun} and flange from the side"
-    gauge = f"{cell.gauge.noun} {length}"
-    return MountingDrawing(
-        A, B, F, base, base[1], away, (x, y, z), gauge, f"ball at {_vector(holder)} mm of the flange", title
-    )
+    return [(round(float(x), 1), round(float(y), 1)) for x, y in drawn]
 
 
 def _vector(p: Array) -> str:

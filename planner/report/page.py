@@ -7,6 +7,7 @@ from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from html import escape
 from pathlib import Path
 
 import jinja2
@@ -45,7 +46,22 @@ def template_environment(folder: Path) -> jinja2.Environment:
     return made
 
 
+UNITS = re.compile(r"(?<=\d) (?=(?:%|mm|µm|µrad|mrad|deg|Nm|min|kg|s)(?!\w))")
+
+
+def _keep_units(value: object) -> object:
+    """Let a line never break between a number and its unit."""
+    return UNITS.sub("\u00a0", value) if type(value) is str else value
+
+
+def _whole_options(text: str) -> str:
+    """Return a text as HTML in which no line breaks within an option of a command."""
+    return re.sub(r"--[a-z]+(-[a-z]+)+", r'<span class="whole">\g<0></span>', escape(text, quote=False))
+
+
 ENVIRONMENT = template_environment(FOLDER)
+ENVIRONMENT.filters["whole_options"] = _whole_options
+ENVIRONMENT.finalize = _keep_units
 
 
 @dataclass(frozen=True)

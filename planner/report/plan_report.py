@@ -10,14 +10,13 @@ import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
 from planner.common.summary import Aside, count_alike, name_first
 from planner.common.units import to_deg, to_mm
-from planner.design.bayesian_design import ErrorByNumber
-from planner.design.foresight_text import another_place_pays, describe_goal
 from planner.design.observability.information import INDEX_RULES
 from planner.report.cell_view import build_cell_view
 from planner.report.mounting import mounting_details, mounting_drawings, mounting_steps
 from planner.report.page import Report, Row
 from planner.report.plan_data import ParameterForecast, forecast_parameters, sample_drive, tour_orders
 from planner.session.plan_types import Drive, Plan
+from planner.session.plan_verdict import PlanVerdict, judge_plan
 from planner.session.tour_cost import cost_name
 
 
@@ -51,9 +50,9 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
         "plan": plan,
         "title": f"{'Session plan' if forecast is None else forecast.title} for {plan.cell.robot.title}",
         "about": f"{_cell_name(plan)}{plan.cell.gauge.describe(plan.cell)}",
-        "headline": _headline(plan),
-        "expects": _expectation(plan, forecast),
-        "changes": _changes(plan),
+        "verdict": _verdict(plan, forecast),
+        "drive": _drive_text(plan),
+        "unseen": _unseen(plan),
         "steps": mounting_steps(plan),
         "drawings": mounting_drawings(plan),
         "mounting": mounting_details(plan),
@@ -71,28 +70,22 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
     return Report("plan.html.j2", content, charts, build_cell_view(plan))
 
 
-def _headline(plan: Plan) -> str:
-    """Say how long it takes, and what it makes of the error where that is foreseen."""
+def _verdict(plan: Plan, forecast: Forecast | None) -> PlanVerdict:
+    """Say what the plan is good for; of one that does not calibrate, what it is for."""
+    if forecast is None:
+        return judge_plan(plan)
+    return PlanVerdict(None, forecast.purpose.removesuffix("."), "", ())
+
+
+def _drive_text(plan: Plan) -> str:
+    """Say how long it takes, for how many poses, and how safe the path is."""
     minutes = sum(d.trajectory.duration_s for d in plan.drives) / 60
-    if (e := plan.forecast) is None:
-        return f"{minutes:.0f} minutes of driving, {len(plan.choice.q)} poses"
-    return f"{minutes:.0f} minutes of driving: tool error from about {_mm(e.before)} to {_mm(e.left)} mm"
-
-
-def _expectation(plan: Plan, forecast: Forecast | None) -> str:
-    """Say what to expect, for how many poses, and how safe the path is."""
     roles = [v.role for d in plan.drives for v in d.visits]
     more = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
-    poses = f"{len(plan.choice.q)} poses{f', {more}' if more else ''}."
+    poses = f"{len(plan.choice.q)} poses{f', {more}' if more else ''}"
     _, gap, proven = text.clearance_fact([v for d in plan.drives for v in d.verdicts], plan.cell)
     path = f"The path is free of collisions: nearest bodies {gap} apart, {proven}."
-    if forecast is not None:
-        return f"{forecast.purpose} {poses} {path}"
-    if (e := plan.forecast) is None:
-        return f"{poses} {path}"
-    goal = describe_goal(plan.expected_error) if plan.expected_error else ""
-    goal = f" {goal}." if goal else ""
-    return f"95 of 100 robots of this kind end below {_mm(e.at_most)} mm (rms over the workspace).{goal} {poses} {path}"
+    return f"{minutes:.0f} minutes of driving, {poses}. {path}"
 
 
 def _cell_name(plan: Plan) -> str:
@@ -100,29 +93,14 @@ def _cell_name(plan: Plan) -> str:
     return "" if plan.cell.name == "cell" else f"cell {plan.cell.name} · "
 
 
-def _changes(plan: Plan) -> list[tuple[str, str]]:
-    """Return what would make it better or quicker, and what is not seen from here."""
-    rows, seen = list[tuple[str, str]](), plan.choice.seen
-    if (e := plan.expected_error) is not None:
-        better = [f for f in e.by_number if f.error < e.left and f.poses > len(e.after)]
-        rows += [(f"Better: --poses {f.poses}", _number_text(f)) for f in better[-1:]]
-        if another_place_pays(e):
-            rows.append(("Better: a second fixture, --fixtures 2", f"from here all poses leave {_mm(e.floor)} mm"))
-        rows += [(f"Quicker: --poses {f.poses}", _number_text(f)) for f in e.by_number[:1] if f.poses < len(e.after)]
-    if seen.dropped:
-        names = name_first([d.name for d in seen.dropped])
-        count = f"{len(seen.dropped)} of {len(seen.dropped) + len(seen.names)} parameters"
-        counted = "" if plan.expected_error is None else "; the expected error counts them"
-        rows.append((f"These poses do not show {names}", f"{count}{counted}"))
-    return rows
-
-
-def _number_text(f: ErrorByNumber) -> str:
-    return f"{_mm(f.error)} mm" + ("" if f.minutes is None else f", about {f.minutes:.0f} min")
-
-
-def _mm(value: float) -> str:
-    return text.in_mm(value, 2)
+def _unseen(plan: Plan) -> tuple[str, str] | None:
+    """Return which parameters these poses do not show, and how many they are."""
+    seen = plan.choice.seen
+    if not seen.dropped:
+        return None
+    count = f"{len(seen.dropped)} of {len(seen.dropped) + len(seen.names)} parameters"
+    counted = "" if plan.forecast is None else "; the expected error counts them"
+    return f"These poses do not show {name_first([d.name for d in seen.dropped])}", f"{count}{counted}"
 
 
 def _tour_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:

@@ -6,7 +6,9 @@ from pathlib import Path
 from planner.checks.record import DOCUMENTS
 from planner.circular.document import CircularDocument
 from planner.common.schema import PartialModel, read_json
+from planner.common.units import MM
 from planner.design.observability.information import find_rule
+from planner.model.use_text import bound_text
 from planner.report.formatting import duration_text
 from planner.service.answers import Job, OutputFile
 from planner.service.context import ServiceContext
@@ -125,8 +127,11 @@ def _what_it_tells(plan: PlanDocument) -> list[tuple[str, str]]:
         way = "larger" if find_rule(seen.index).maximise else "smaller"
         text = f"{value} ({way} is better); no choice of as many poses has better than {bound}"
         rows.append((f"index {seen.index} in m, rad", text))
-    if plan.foresight is not None and plan.foresight.error_mm is not None:
-        rows.append(("error to be expected", f"{_digits(plan.foresight.error_mm)} mm"))
+    if (e := plan.foresight) is not None and e.within_mm is not None and e.within_before_mm is not None:
+        within, before = (bound_text(v * MM) for v in (e.within_mm, e.within_before_mm))
+        rows.insert(0, ("expected", f"95 of 100 targets within {within}, {before} before"))
+    elif e is not None and e.error_mm is not None:
+        rows.append(("error to be expected", f"{_digits(e.error_mm)} mm"))
     return rows
 
 

@@ -2,6 +2,6 @@
 
 __all__ = [
     "as_published", "document", "evaluations", "judgement", "mount", "movable_cell", "neutral_program",
-    "options", "plan_record", "plan_types", "planned_session", "planning", "point_poses", "release",
+    "options", "plan_record", "plan_types", "plan_verdict", "planned_session", "planning", "point_poses", "release",
     "tour_cost", "tour_drive",
 ]  # fmt: skip

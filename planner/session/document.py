@@ -155,6 +155,7 @@ class ErrorByNumberRecord(PartialModel):
 class ForesightRecord(PartialModel):
     """The error of the tool that is expected once hidden effects are traced.
 
+    ``within_mm``, ``within_before_mm``: what 95 of 100 targets stay within, of 95 of 100 robots, after and before.
     ``after_mm``: after each pose. ``goal_mm``, ``goal_share``: what was asked for, and the share of robots that are
     below it then.
     """
@@ -162,6 +163,8 @@ class ForesightRecord(PartialModel):
     assumed: str = ""
     error_mm: Stated = None
     at_most_mm: Stated = None
+    within_mm: Stated = None
+    within_before_mm: Stated = None
     untraced_mm: Stated = None
     on_grid: GridErrorRecord | None = None
     bound_mm: Stated = None

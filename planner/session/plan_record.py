@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel
@@ -13,10 +13,8 @@ from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
 from planner.common.object_hashes import HASHES, changed_parts
 from planner.common.units import PLAN_DECIMALS
-from planner.design.bayesian_design import BayesianDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.power import Discrimination
-from planner.design.expected_errors import ErrorForecast
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice, Pruning
 from planner.design.selection.certificate import Certificate
@@ -117,7 +115,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
             "file": "trajectory.csv",
         },
         "drives": [_drive_record(plan, d) for d in drives],
-    } | (_separation_record(plan.separation) | _forecast_record(plan.forecast))
+    } | (_separation_record(plan.separation) | _forecast_record(plan))
 
 
 def origin_record(cell: Cell, seed: int) -> dict[str, object]:
@@ -192,27 +190,32 @@ def _separation_record(separation: Discrimination | None) -> dict[str, object]:
     return {"separation": [SeparationRecord(**asdict(t)) for t in separation.told], "separation_proof": proof}
 
 
-def _forecast_record(expected: ErrorForecast | None) -> dict[str, object]:
+def _forecast_record(plan: Plan) -> dict[str, object]:
     """The error of the tool that is expected after tracing; its course where that chose the poses."""
-    if expected is None:
+    if (whole := plan.forecast) is None:
         return {}
-    if not isinstance(expected, BayesianDesign):
-        error, at_most = expected.left * 1e3, expected.at_most * 1e3
-        return {"foresight": ForesightRecord(assumed=expected.unknown.assumptions, error_mm=error, at_most_mm=at_most)}
-    goal = {} if expected.until is None else {"goal_mm": expected.until * 1e3, "goal_share": expected.share_below}
+    numbers = [ErrorByNumberRecord(poses=f.poses, error_mm=f.error * 1e3, minutes=f.minutes) for f in whole.by_number]
+    common: dict[str, Any] = {
+        "assumed": whole.unknown.assumptions,
+        "error_mm": whole.left * 1e3,
+        "at_most_mm": whole.at_most * 1e3,
+        "numbers": tuple(numbers),
+    }
+    if (targets := plan.targets) is not None:
+        common |= {"within_mm": targets.within * 1e3, "within_before_mm": targets.before * 1e3}
+    if (expected := plan.expected_error) is None:
+        return {"foresight": ForesightRecord(**common)}
+    goal: dict[str, Any] = (
+        {} if expected.until is None else {"goal_mm": expected.until * 1e3, "goal_share": expected.share_below}
+    )
     told = ForesightRecord(
+        **common,
         **goal,
-        assumed=expected.unknown.assumptions,
-        error_mm=expected.left * 1e3,
-        at_most_mm=expected.at_most * 1e3,
         untraced_mm=expected.unknown.untraced_error * 1e3,
         on_grid=GridErrorRecord(error_mm=expected.on_grid * 1e3, gap=expected.gap),
         bound_mm=expected.bound * 1e3,
         after_mm=(expected.after * 1e3).tolist(),
         floor_mm=expected.floor * 1e3,
-        numbers=tuple(
-            ErrorByNumberRecord(poses=f.poses, error_mm=f.error * 1e3, minutes=f.minutes) for f in expected.by_number
-        ),
     )
     return {"foresight": told}
 

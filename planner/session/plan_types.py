@@ -19,6 +19,7 @@ from planner.design.expected_errors import ErrorForecast
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_search import IndexCurve
+from planner.design.target_errors import TargetForecast
 from planner.kinematics.geometry import bar_state
 from planner.motion.path.verdict import ProvenPath, Verdict
 from planner.motion.timing.curve import ReadingLimits
@@ -294,6 +295,7 @@ class Plan(SessionPlan):
         driven: the index over the trajectory as it is driven.
         separation: how surely it tells the findings of an identification from their rivals, where that was asked.
         forecast: the error that such robots have before it and keep after it, where it calibrates.
+        targets: how far such robots are off at their targets, of one that no run has calibrated yet.
     """
 
     drives: tuple[Drive, ...]
@@ -304,6 +306,7 @@ class Plan(SessionPlan):
     driven: float
     separation: Discrimination | None = None
     forecast: ErrorForecast | None = None
+    targets: TargetForecast | None = None
 
     @property
     def expected_error(self) -> BayesianDesign | None:

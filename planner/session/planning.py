@@ -32,6 +32,7 @@ from planner.design.off_grid import certify_off_grid
 from planner.design.pose_selection import PoseChoice, replace_pose
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_search import BackgroundCurve
+from planner.design.target_errors import foresee_targets
 from planner.design.unnamed_errors import identified_errors
 from planner.motion.collision.surroundings import check_surroundings
 from planner.motion.tour.solve import require_concorde
@@ -237,14 +238,14 @@ class PoseSession(ABC):
         bar = bar_notes(cell, drives) if cell.has_bar() else ()
         notes = [*self.notes, *bar, *discrimination_notes(cell, driven, choice, drives)]
         forecast: ErrorForecast | None = None
+        minutes = session_minutes(cell, drives, len(choice.q))
         if expected:
             notes.append(Aside(f"the poses were chosen by the expected error, not by {choice.index}"))
-            minutes = session_minutes(cell, drives, len(choice.q))
             left = identified_errors(expected.unknown, cell, choice.samples)
             forecast = expected.with_driven_poses(choice.samples, minutes, left)
         elif any(v.role == "calibrate" for d in drives for v in d.visits) and not self.chooser:
             unknown = undeclared_errors(cell, choice.samples)
-            forecast = ErrorForecast.of(identified_errors(unknown, cell, choice.samples), choice.samples)
+            forecast = ErrorForecast.of(identified_errors(unknown, cell, choice.samples), choice.samples, minutes)
         return Plan(
             cell=cell,
             seed=self.options.seed,
@@ -257,6 +258,7 @@ class PoseSession(ABC):
             driven=index_value(choice.index, self.driven_rows(choice, drives)),
             separation=driven,
             forecast=forecast,
+            targets=None if forecast is None else foresee_targets(cell, forecast.unknown, choice.samples),
         )
 
     def _drive_refined_poses(

@@ -44,8 +44,7 @@ def fit_overview(found: Calibration) -> Summary:
     facts = [*_summary_facts(summary), *steps[:1], *causes, *steps[1:]]
     beyond = next((fact for fact in causes if not fact[1].startswith(GEOMETRY)), None)
     # where lines are cut, the first cause beside the geometry stays: why the robot erred is asked for most
-    # 2: lines fewer than other screens, so that with files and next step eight are read
-    return Summary(title, facts, [*more, *_details(found, release)], notes, beyond, fewer=2)
+    return Summary(title, facts, [*more, *_details(found, release)], notes, beyond)
 
 
 def _summary_facts(summary: CalibrationSummary) -> Iterator[Fact]:

@@ -3,17 +3,18 @@
 from collections.abc import Iterator, Sequence
 
 from planner.common.numbers import number_of
-from planner.common.summary import Fact, Summary, name_first
+from planner.common.summary import Fact, Summary, name_first, under_key
 from planner.common.units import to_mm
-from planner.design.bayesian_design import BayesianDesign, ErrorByNumber
-from planner.design.expected_errors import ErrorForecast
-from planner.design.foresight_text import another_place_pays, describe_forecast, describe_goal
+from planner.design.expected_errors import ErrorByNumber, ErrorForecast
+from planner.design.foresight_text import describe_forecast, describe_goal
 from planner.design.observability.identifiability import DroppedParameter
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import describe_pruning
+from planner.model.use_text import bound_text
 from planner.motion.collision.body_gaps import clearance_text
 from planner.session.plan_record import UnprovenPoses
 from planner.session.plan_types import Plan
+from planner.session.plan_verdict import PlanVerdict, judge_plan
 from planner.session.tour_cost import cost_name
 
 
@@ -22,17 +23,19 @@ def plan_overview(plan: Plan) -> Summary:
     roles = [v.role for d in plan.drives for v in d.visits]
     minutes = sum(d.trajectory.duration_s for d in plan.drives) / 60
     said = plan.separation.texts() if plan.separation else ()
+    verdict = judge_plan(plan)
     driven = "; ".join(filter(None, (f"{minutes:.0f} min", plan.reading_share)))
     return Summary(
         f"{plan.cell.name}: {_numbers_of_poses(plan, roles)}, plan {plan.plan_id}",
         [
-            ("drive", f"{driven}; {clearance_text(plan.cell, min(d.clearance for d in plan.drives))}"),
-            *(_error_facts(plan.forecast) if plan.forecast else ()),
-            *(_cure_facts(plan.expected_error) if plan.expected_error else _index_facts(plan)),
-            *_unseen_facts(plan.choice.seen.dropped, len(plan.choice.seen.names)),
+            *_verdict_facts(plan, verdict),
             *(("tells apart", text) for text in said[:1]),
+            ("drive", f"{driven}; {clearance_text(plan.cell, min(d.clearance for d in plan.drives))}"),
+            *_change_facts(verdict),
+            *(() if plan.expected_error else _index_facts(plan)),
+            *_unseen_facts(plan.choice.seen.dropped, len(plan.choice.seen.names)),
         ],
-        list(_details(plan, said)),
+        [*(_error_facts(plan.forecast) if plan.forecast else ()), *_details(plan, said)],
         plan.notes,
     )
 
@@ -48,27 +51,31 @@ def _numbers_of_poses(plan: Plan, roles: Sequence[str]) -> str:
     return f"{number_of(len(plan.choice.q), 'pose')} to fit {seen.rank}{of} parameters{validating}"
 
 
+def _verdict_facts(plan: Plan, verdict: PlanVerdict) -> Iterator[Fact]:
+    """Say what the plan is good for, and how likely the error that was asked for is reached."""
+    if plan.forecast is None:
+        return
+    of = ""
+    if (targets := plan.targets) is not None:
+        stated = "" if targets.tolerance is None else f": 95 of 100 targets within {bound_text(targets.within)}"
+        of = f"{stated} (95 of 100 such robots)"
+    yield "verdict", f"{verdict.headline}{of}"
+    if plan.expected_error is not None and (goal := describe_goal(plan.expected_error)):
+        yield "goal", goal
+
+
+def _change_facts(verdict: PlanVerdict) -> Iterator[Fact]:
+    """Say what would make it better or quicker."""
+    for what, brings in verdict.changes:
+        key, _, change = what.partition(": ")
+        yield key.split()[-1].lower(), f"{change}: {brings}{' (hardly)' if key.startswith('Hardly') else ''}"
+
+
 def _error_facts(expected: ErrorForecast) -> Iterator[Fact]:
     """Say the error of the tool before and after."""
     before, left, at_most = (f"{float(to_mm(v)):.3f} mm" for v in (expected.before, expected.left, expected.at_most))
     yield "error now", f"{before}  of the tool, rms {expected.unknown.where}, {expected.unknown.before_label}"
     yield "error after", f"{left}  95 of 100 such robots below {at_most}"
-
-
-def _cure_facts(expected: BayesianDesign) -> Iterator[Fact]:
-    """Say how likely the error that was asked for is reached, and what makes it less."""
-    if goal := describe_goal(expected):
-        yield "goal", goal
-    better = [f for f in expected.by_number if f.error < expected.left and f.poses > len(expected.after)]
-    cures = [_number_text(f) for f in better[-1:]]
-    if another_place_pays(expected):
-        cures.append("a further fixture, if --fixtures 2 foresees less")
-    yield (
-        "for less",
-        "  ".join(cures[:1]) + "".join(f"; or {c}" for c in cures[1:])
-        if cures
-        else ("more poses at these places would not help"),
-    )
 
 
 def _number_text(f: ErrorByNumber) -> str:
@@ -102,9 +109,10 @@ def _unseen_facts(dropped: Sequence[DroppedParameter], seen: int) -> Iterator[Fa
 def _details(plan: Plan, said: Sequence[str]) -> Iterator[Fact]:
     choice, drives = plan.choice, plan.drives
     yield "candidates", plan.pool.funnel.text()
+    if plan.forecast is not None:
+        yield from under_key("rms", [_number_text(f) for f in plan.forecast.by_number])
     if (expected := plan.expected_error) is not None:
         yield "expected", describe_forecast(expected)
-        yield from (("", _number_text(f)) for f in expected.by_number)
         yield "all poses", f"{float(to_mm(expected.floor)):.3f} mm would be left by all candidates together"
     yield choice.index, INDEX_RULES[choice.index].of_raw
     yield choice.index, _proof_text(plan)

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.cell.setup import setup_of
 from planner.design.expected_errors import ErrorForecast
 from planner.design.free_parameters import undeclared_errors
+from planner.design.target_errors import foresee_targets
 from planner.design.unnamed_errors import identified_errors
-from planner.model.tool_error import uniform_states
+from planner.model.tool_error import aligned_rows, uniform_states
 from planner.runs.run import Samples
 
 ROBOTS = 200
@@ -39,6 +41,20 @@ def test_robots_keep_the_error_that_is_foreseen(name):
     assert np.sqrt((error**2).mean()) == pytest.approx(foreseen.left, rel=0.1)
     assert 0.9 <= (error <= foreseen.at_most).mean() <= 0.99
     assert foreseen.left < foreseen.at_most < foreseen.before
+    half, same, twice = foreseen.by_number
+    assert (half.poses, same.poses, twice.poses) == (30, 60, 120)
+    assert half.error > same.error == foreseen.left > twice.error
+    targets = foresee_targets(cell, unknown, samples)
+    q = uniform_states(cell, 1000, 8)  # other targets than the forecast looks at
+    effects = [p for p in unknown.model.parameters if p.is_effect]
+    names, moved = aligned_rows(Samples.at(q), setup_of(cell), effects)
+    for errors, said in ((left, targets.within), (true, targets.before)):
+        off = np.zeros((ROBOTS, len(names)))
+        for k, parameter in enumerate(unknown.model.names):
+            if parameter in names:
+                off[:, names.index(parameter)] = errors[:, k]
+        at_targets = np.linalg.norm((off @ moved.T).reshape(ROBOTS, -1, 3), axis=2)
+        assert np.quantile(np.quantile(at_targets, 0.95, axis=1), 0.95) == pytest.approx(said, rel=0.12)
 
 
 def test_an_identification_leaves_more_than_readings_of_errors_whose_sizes_are_known():

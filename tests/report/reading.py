@@ -35,6 +35,7 @@ class ReadPage(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         inside = self._open[-1] if self._open else ""
+        data = data if inside == "script" else data.replace("\u00a0", " ")  # a line may not break there
         if inside == "script":
             attributes, text = self.scripts[-1]
             self.scripts[-1] = (attributes, text + data)

@@ -99,7 +99,36 @@ def test_five_things_come_first_and_are_those_of_screen_and_document(c: Calibrat
     assert len(told.causes) <= 3
     assert 1 <= len(told.next_steps) <= 2
     assert len(screen.splitlines()) <= 8
-    assert first.count(" mm") < 14
+    assert len(re.findall(r"\smm", first)) < 14
+    assert told.headline.startswith(f"95 of 100 targets within {told.figure}, ")
+    assert "rms" not in first
+    assert 'class="mark simulated"' not in html
+
+
+def test_causes_are_counted_once(c: Calibration) -> None:
+    """The section counts those of the first screen, and lists them in the same order."""
+    facts = CalibrationFacts(c)
+    content, named = calibration_content(facts), facts.causes
+    assert named[: len(facts.summary.causes)] == facts.summary.causes
+    sure = sum(not line.how_sure.startswith("doubtful") for line in named)
+    assert content["causes_about"].startswith(f"{sure} found or likely")
+    headings = [heading for heading, _, _ in content["findings"]]
+    assert len(headings) == len(c.findings) + 1
+    assert headings[0] == named[0].what
+    assert content["causes_more"] == len(named) - len(facts.summary.causes)
+
+
+def test_a_line_never_breaks_before_a_unit(c: Calibration) -> None:
+    html = report_calibration(c).html()
+    shown = html[html.index("<body") : html.index('class="sections"')]
+    assert not re.search(r"\d (mm|%|µrad)\W", re.sub(r"<svg.*?</svg>", "", shown, flags=re.S))
+
+
+def test_the_scale_of_the_maps_reaches_the_figure_before(c: Calibration) -> None:
+    (picture,) = draw_calibration_charts(CalibrationFacts(c)).picture
+    most = {panel.field.most for panel in picture.panels}
+    assert len(most) == 1
+    assert most.pop() >= 0.97e3 * summarize(c).targets_within_before
 
 
 def test_at_most_600_words_are_open(folder: Path) -> None:

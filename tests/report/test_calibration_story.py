@@ -140,10 +140,12 @@ def test_what_was_taken_out_again_is_not_what_an_effect_is_drawn_beside(c: Calib
 def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> None:
     page = calibration_content(told)
     every = told_findings(told)
-    assert [name for _, name, _ in page["findings"]] == [t.name if t.steps else "" for t in every]
+    geometry, *found = page["findings"]
+    assert geometry[0].startswith("Lengths and angles of the arm")
+    assert [name for _, name, _ in found] == [t.name if t.steps else "" for t in every]
     assert [t.finding for t in every] == list(told.calibration.findings)
     assert [t.finding.name for t in every if t.steps] == ["gear ripple, joint 3", "backlash, joint 2"]
-    for (heading, _, lines), one in zip(page["findings"], every, strict=True):
+    for (heading, _, lines), one in zip(found, every, strict=True):
         assert "Rivals" in lines[-1]
         assert one.finding.note.lower() == heading.lower()
         if not one.steps:
@@ -164,7 +166,7 @@ def test_a_fall_of_errors_that_several_causes_brought_together_is_told_once(c: C
     assert len(sections) >= 2
     told_in = [k for k, lines in enumerate(sections) if any(line.startswith("Held-out error") for line in lines)]
     assert told_in == [0]
-    assert all(any("added together with cause 1:" in line for line in lines) for lines in sections[1:])
+    assert all(any("added together with cause 2:" in line for line in lines) for lines in sections[1:])
 
 
 def test_the_size_of_the_fit_stands_beside_that_of_the_robot_as_written(told: CalibrationFacts) -> None:
@@ -199,8 +201,9 @@ def test_many_of_one_kind_have_one_section_and_one_picture(c: Calibration) -> No
     )
     changed = CalibrationFacts(c.model_copy(update={"findings": list_causes(every)}))
     page = calibration_content(changed)
-    assert [("of 3 joints" in heading) for heading, _, _ in page["findings"]] == [True, True]
-    for (_, name, lines), one in zip(page["findings"], told_findings(changed), strict=True):
+    found = page["findings"][1:]  # the first are lengths and angles
+    assert [("of 3 joints" in heading) for heading, _, _ in found] == [True, True]
+    for (_, name, lines), one in zip(found, told_findings(changed), strict=True):
         assert name == one.name
         assert "Held-out error" in lines[1]
         assert "the least certain of them" in lines[-1] or one.finding.probability is None

@@ -6,9 +6,10 @@ import pytest
 
 from planner.documents.calibration_summary import _next_steps
 from planner.model.identification_document import ErrorParts
+from planner.model.use_statement import ToolUse, Use
 
 
-@pytest.mark.parametrize(("measured", "left"), [(0.25e-3, "0.25 mm"), (None, "0.000 mm")])
+@pytest.mark.parametrize(("measured", "left"), [(0.25e-3, "0.25 mm"), (None, "0 mm")])
 def test_no_step_promises_less_than_the_error_at_poses_like_those_measured(measured, left):
     """Where one part is the whole error, nothing would be left without it."""
     whole = 1.27e-3  # [m]
@@ -16,6 +17,22 @@ def test_no_step_promises_less_than_the_error_at_poses_like_those_measured(measu
     release = SimpleNamespace(other_tool=whole, work_tool=None, parts=parts, misfit_place=None, where_measured=measured)
     run = SimpleNamespace(readings=SimpleNamespace(length=None), places=())
     found = SimpleNamespace(workspace_error=whole, more=None, run=run, n_groups=60, good_for=None, reason_not_to_use="")
-    warm, _ = _next_steps(found, release, "measured", None)
+    warm, _ = _next_steps(found, release, None, "measured", None)
     assert warm.what.startswith("Measure once the arm is warm")
-    assert warm.brings == f"1.27 → {left} rms at best"
+    assert warm.brings == f"1.3 mm → {left} at best"
+
+
+def test_steps_are_in_the_measure_of_the_headline():
+    """What 95 of 100 targets stay within falls from the figure of the page, as the rms error does."""
+    parts = ErrorParts(seen=0.0, unseen=0.0, misfit=0.0, drift=0.6e-3)
+    release = SimpleNamespace(other_tool=2e-3, work_tool=None, parts=parts, misfit_place=None, where_measured=None)
+    run = SimpleNamespace(readings=SimpleNamespace(length=None), places=())
+    found = SimpleNamespace(workspace_error=1e-3, more=None, run=run, n_groups=60, good_for=None, reason_not_to_use="")
+    tools = [("measured", 2.5e-3), ("another", 6e-3)]
+    use = Use(
+        repeatability=1e-5,
+        tools=tuple(ToolUse(tool=t, targets_within=w, targets_within_before=9e-3) for t, w in tools),
+    )
+    warm, second = _next_steps(found, release, use, "measured", None)
+    assert warm.brings == "2.5 mm → 2.0 mm at best"  # 1 → 0.8 rms
+    assert second.brings == "any other tool 6.0 mm → 2.5 mm at best"

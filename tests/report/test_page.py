@@ -2,18 +2,23 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import planner.report.cell_view_print as cell_view_print
 import planner.report.matplotlib_backend as matplotlib_backend
+from planner.cell.reading import load_cell
 from planner.common.errors import InputError
+from planner.design.expected_errors import ErrorByNumber, ErrorForecast
 from planner.design.observability.information import INDEX_RULES
+from planner.design.target_errors import TargetForecast
 from planner.report.mounting import mounting_drawings, mounting_steps
 from planner.report.plan_report import report_plan
-from planner.runs.run import Mounting
+from planner.runs.run import FIRST_MOUNTING, Mounting
 from planner.session.plan_types import Plan
+from planner.session.plan_verdict import judge_plan
 from tests.report.made import FIXTURE, NOTE, PLAN_ID
 from tests.report.reading import ReadPage
 
@@ -67,6 +72,56 @@ def test_steps_say_what_to_screw_where_and_which_length_to_set(plan: Plan) -> No
     assert drawing.away == pytest.approx(np.hypot(258, 1468))
     scale = (drawing.fixture[0] - drawing.base[0]) / drawing.away
     assert (drawing.floor - drawing.fixture[1]) / scale == pytest.approx(708, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["panda/tracker", "panda/camera", "ur5e/camera", "so101/sockets", "so101/wire"])
+def test_every_gauge_has_a_drawing_to_scale(name: str) -> None:
+    """Height of what stands there and distance of the tool point from axis 1, against the arm's own forward pass."""
+    cell = load_cell(name)
+    rng, low, high = np.random.default_rng(2), *np.asarray(cell.joint_range)
+    q = np.array([low + (high - low) * rng.uniform(0.4, 0.6, len(low)) for _ in range(2)])
+    roles = ("mount", "calibrate")
+    visits = tuple(
+        SimpleNamespace(q=p, role=r, ball=k - 1, length=0.2) for k, (p, r) in enumerate(zip(q, roles, strict=True))
+    )
+    drive = SimpleNamespace(visits=visits, mounting=FIRST_MOUNTING)
+    (drawing,) = mounting_drawings(SimpleNamespace(cell=cell, drives=(drive,)))
+    stands, on_tool = cell.gauge.ends
+    assert on_tool in drawing.holder
+    assert stands in drawing.title.lower()
+    place = cell.fixtures[0]
+    there = place.p_BX + place.R_BX @ cell.balls[0].p_GS if cell.gauge.at_balls else place.p_BX
+    assert drawing.position == tuple(np.round(1e3 * there))
+    assert drawing.away == pytest.approx(1e3 * np.hypot(*there[:2]))
+    scale = (drawing.fixture[0] - drawing.base[0]) / drawing.away
+    along = 1e3 * cell.map_position(q[:1] if cell.has_bar() else q[1:])[0][:2] @ there[:2] / np.hypot(*there[:2])
+    assert (drawing.ball[0] - drawing.base[0]) / scale == pytest.approx(along, abs=0.2 / scale)
+    assert len(drawing.others) == max(len(cell.balls) - 1, 0)
+    assert all(0 <= x <= 480 and 0 <= y <= 210 for x, y in (drawing.fixture, drawing.ball, drawing.flange))
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "enough", "headline"),
+    [
+        (None, 0.0, "Expected: 95 of 100 targets within 0.81 mm, 6.4 mm before"),
+        (1e-3, 0.97, "Good enough for 1 mm, as far as can be foreseen"),
+        (1e-3, 0.5, "Not known whether it will be good enough for 1 mm"),
+        (1e-4, 0.0, "Not good enough for 0.1 mm"),
+    ],
+)
+def test_a_plan_says_first_whether_it_is_good_enough(
+    plan: Plan, tolerance: float | None, enough: float, headline: str
+) -> None:
+    numbers = (ErrorByNumber(14, 4e-4, 10.0), ErrorByNumber(28, 3e-4, 18.0), ErrorByNumber(56, 2e-4, 30.0))
+    unknown = SimpleNamespace(where="over the workspace")
+    foreseen = ErrorForecast(unknown, 3e-4, 5e-4, numbers)  # type: ignore[arg-type]
+    told = judge_plan(replace(plan, forecast=foreseen, targets=TargetForecast(6.4e-3, 8.1e-4, tolerance, enough)))
+    assert told.headline == headline
+    assert "0.81 mm" in told.headline + told.because
+    assert told.changes == (
+        ("Better: --poses 56", "0.81 mm → 0.54 mm, about 30 min"),
+        ("Quicker: --poses 14", "0.81 mm → 1.1 mm, about 10 min"),
+    )
 
 
 def test_head_says_plan_cell_and_notes(plan: Plan, page: ReadPage) -> None:

@@ -194,6 +194,9 @@ def test_a_log_is_offered_the_cells_of_its_gauge_and_refused_in_others(client, t
 def test_the_error_to_be_expected_of_a_plan_is_told():
     plan = PlanDocument.model_construct(foresight=ForesightRecord(error_mm=0.3512), plan_id="0" * 12)
     assert ("error to be expected", "0.351 mm") in plan_facts(plan)
+    foreseen = ForesightRecord(error_mm=0.3512, within_mm=0.8123, within_before_mm=6.4)
+    told = plan_facts(PlanDocument.model_construct(foresight=foreseen, plan_id="0" * 12))
+    assert ("expected", "95 of 100 targets within 0.82 mm, 6.4 mm before") in told
 
 
 REPORT = """<!doctype html><html><head><style>h1 { color: red; }</style></head><body class="page">

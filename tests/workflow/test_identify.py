@@ -125,9 +125,8 @@ def test_the_screen_is_short_lines_of_one_fact(identified):
     assert len(lines) <= SCREEN_LINES
     text = " ".join(facts)
     for said in (
-        "verdict     Good for offline programs that allow",
-        "within",
-        "95 of 100 targets are within this with the measured tool point",
+        "verdict     95 of 100 targets within",
+        "with the measured tool point; with any other tool",
         "found       Lengths and angles of the arm",
     ):
         assert said in text

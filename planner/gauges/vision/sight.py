@@ -274,6 +274,11 @@ class BoardSight(FrameGauge):
             "At each stop one image is taken once the arm is still. Name the images by the pose's number.",
         )
 
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Board and camera: the one stands, the other sits on the flange."""
+        return ("board", "camera") if self.on_flange else ("camera", "board")
+
     def describe(self, cell: Site) -> str:
         """Say which camera sees which board."""
         on, off = ("camera on the flange", "standing") if self.on_flange else ("camera standing", "on the flange")
