@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.cell.cell import Cell
-from planner.cell.setup import setup_of
+from planner.cell.cell import Cell, setup_of
 from planner.common.units import MM, Array
 from planner.design.assumptions import LIMIT_QUANTILE
 from planner.design.expected_errors import ExpectedErrors

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.cell.setup import setup_of
 from planner.design.expected_errors import ErrorForecast
 from planner.design.free_parameters import undeclared_errors
 from planner.design.target_errors import foresee_targets
