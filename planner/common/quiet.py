@@ -11,6 +11,7 @@ STANDARD_OUTPUT, STANDARD_ERROR = (
     1,
     2,
 )  # the descriptors: compiled code does not know what stands in for Python's sys.stdout
+C_LIBRARY = "ucrtbase" if sys.platform == "win32" else None  # of this process, whose buffers libraries print into
 _ONE_AT_A_TIME = Lock()
 
 
@@ -76,4 +77,4 @@ def results_alone() -> Iterator[None]:
 def _flush_compiled_code() -> None:
     """Write out what C libraries have in their buffers, where the system lets us."""
     with suppress(OSError, AttributeError, TypeError):
-        ctypes.CDLL(None).fflush(None)
+        ctypes.CDLL(C_LIBRARY).fflush(None)

@@ -14,6 +14,7 @@ QUICK = ("plan", "identify", "robots", "record")  # declared once for all doors,
 CHATTY = """
 import ctypes, functools, os, subprocess, sys
 from planner.cli import app, terminal
+from planner.common.quiet import C_LIBRARY
 
 plain = app.command_function
 
@@ -25,8 +26,7 @@ def chatty(name):
         assert values["as_json"] is True
         os.write(1, b"a banner before\\n")
         terminal.print_json({"command": name})
-        library = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
-        library.puts(b"a banner that waits in the buffer of the C library")
+        ctypes.CDLL(C_LIBRARY).puts(b"a banner that waits in the buffer of the C library")
         subprocess.run([sys.executable, "-c", "print('a program')"], check=True)
         print("more", end="") if "more" in os.environ else None
 
