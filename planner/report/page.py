@@ -56,7 +56,7 @@ def _keep_units(value: object) -> object:
 
 def _whole_options(text: str) -> str:
     """Return a text as HTML in which no line breaks within an option of a command."""
-    return re.sub(r"--[a-z]+(-[a-z]+)+", r'<span class="whole">\g<0></span>', escape(text, quote=False))
+    return re.sub(r"--[a-z]+(-[a-z]+)*", r'<span class="whole">\g<0></span>', escape(text, quote=False))
 
 
 ENVIRONMENT = template_environment(FOLDER)

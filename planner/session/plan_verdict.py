@@ -47,7 +47,7 @@ def judge_plan(plan: Plan) -> PlanVerdict:
     with_tool = f"with {TOOLS['measured']}"
     if targets.tolerance is None:
         answer, headline = None, f"Expected: {within}"
-        why = "A yes or no needs tolerance_mm in [use] of the cell."
+        why = "A yes or no needs [use] tolerance_mm."
         if targets.used != "measured":
             why = f"For {TOOLS[targets.used]}, which will be used, nothing is foreseen."
         because = f"So good or better are 95 of 100 robots of this kind, {with_tool}. {why}"
@@ -86,7 +86,7 @@ def _changes(plan: Plan, times: float) -> tuple[tuple[str, str], ...]:
     ]
     if (chosen := plan.expected_error) is not None and another_place_pays(chosen):
         floor = bound_text(times * chosen.floor)
-        out.append(("Better: a second fixture, --fixtures 2", f"from here all poses leave {floor}"))
+        out.append(("Better: a second fixture, --fixtures 2", f"all poses here leave {floor}"))
     return (*out, *((f"Quicker: --poses {f.poses}", f"{now} → {_number_text(f, times)}") for f in quicker))
 
 
