@@ -7,8 +7,8 @@ from typing import Literal, TypeVar
 from pydantic import Field
 
 from planner.cell.site import Site
+from planner.common.content_hashes import hand_edits
 from planner.common.errors import InputError
-from planner.common.object_hashes import hand_edits
 from planner.common.schema import PositiveFloat, StrictModel, read_toml, read_toml_content
 
 S = TypeVar("S", bound=Site)

@@ -10,9 +10,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from planner.common.content_hashes import HandEdit
 from planner.common.errors import InputError
 from planner.common.files import document_text, write_bytes, write_text
-from planner.common.object_hashes import HandEdit
 from planner.common.result_folder import draft_folder, move_all
 from planner.common.summary import SCREEN_LINES, Summary
 

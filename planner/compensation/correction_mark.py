@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import date
 
+from planner.common.content_hashes import HandEdit
 from planner.common.errors import InputError
-from planner.common.object_hashes import HandEdit
 from planner.programs.languages.statements import Lines
 
 WORD = "edbb-compensated"

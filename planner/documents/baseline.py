@@ -19,9 +19,9 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell, MeasurementSetup, setup_of
 from planner.cell.placement import FREEABLE
+from planner.common.content_hashes import hand_edits, with_hashes
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.common.object_hashes import hand_edits, with_hashes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, round_significant_digits
 from planner.documents.calibrated_robot import MovedBy, describe_moves, effect_parameter

@@ -17,9 +17,9 @@ import numpy as np
 from pydantic import Field
 
 from planner.cell.cell import MeasurementSetup
+from planner.common.content_hashes import hand_edits, with_hashes
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.common.object_hashes import hand_edits, with_hashes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, from_deg, from_mm, read_only, round_significant_digits, to_deg, to_mm
 from planner.documents.calibrated_robot import MovedBy, describe_moves, effect_parameter, loaded_robot

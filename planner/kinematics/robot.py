@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.console import as_word
+from planner.common.content_hashes import HandEdit
 from planner.common.errors import InputError, did_you_mean
-from planner.common.object_hashes import HandEdit
 from planner.common.units import DEG, MM, Array, read_only
 from planner.kinematics.axes import AxisConvention, advice, names_of
 from planner.kinematics.bodies import Body

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from planner.common.content_hashes import HASHES, HandEdit, canonical_hash, changed_parts, part_hashes
 from planner.common.files import has_hash, read_bytes, read_utf8
-from planner.common.object_hashes import HASHES, HandEdit, canonical_hash, changed_parts, part_hashes
 from planner.common.schema import read_toml_content
 from planner.common.xml_files import parse_xml
 from planner.kinematics.robot import Robot

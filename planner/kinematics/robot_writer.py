@@ -12,9 +12,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import tomli_w
 
+from planner.common.content_hashes import HASHES
 from planner.common.file_names import name_fault
 from planner.common.files import read_utf8
-from planner.common.object_hashes import HASHES
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
 from planner.kinematics.calibration_files import ROW_KEYS, nominal_key
 from planner.kinematics.chain import Transform, is_of_link_before

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import BaseModel
 
 from planner.cell.cell import Cell
+from planner.common.content_hashes import HASHES, changed_parts
 from planner.common.errors import NoSolutionError
-from planner.common.object_hashes import HASHES, changed_parts
 from planner.common.units import PLAN_DECIMALS
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.power import Discrimination

@@ -8,9 +8,9 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.reading import read_cell
+from planner.common.content_hashes import name_parts
 from planner.common.errors import InputError
 from planner.common.files import data_folder
-from planner.common.object_hashes import name_parts
 from planner.common.result_folder import changed_files
 from planner.common.schema import read_json
 from planner.session.document import DriveRecord, PlanDocument, WaypointRecord, read_plan, read_waypoints

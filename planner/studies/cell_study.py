@@ -12,8 +12,8 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.console import as_word
+from planner.common.content_hashes import HandEdit
 from planner.common.files import write_bytes
-from planner.common.object_hashes import HandEdit
 from planner.common.progress import Progress, no_progress
 from planner.common.result import FolderResult, Plot
 from planner.common.summary import Summary

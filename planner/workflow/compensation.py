@@ -14,11 +14,11 @@ import numpy as np
 
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
+from planner.common.content_hashes import HandEdit
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import check_writing, encode_text, is_folder, is_new_folder, read_bytes, write_together
 from planner.common.numbers import parse_number
-from planner.common.object_hashes import HandEdit
 from planner.common.result import Result
 from planner.common.schema import read_json
 from planner.common.summary import Summary

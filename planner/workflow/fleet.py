@@ -19,9 +19,9 @@ import tomli_w
 from planner.cell.fleet_file import FleetFile, FleetSize
 from planner.checks.record import RecordFile, RobotRecord
 from planner.common.console import as_word
+from planner.common.content_hashes import HandEdit, with_hashes
 from planner.common.errors import InputError
 from planner.common.files import write_text
-from planner.common.object_hashes import HandEdit, with_hashes
 from planner.common.result import Result
 from planner.common.schema import read_toml
 from planner.common.summary import Summary

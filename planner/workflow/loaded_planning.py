@@ -16,10 +16,10 @@ from planner.circular.document import CircularDocument, circular_document, load_
 from planner.circular.plan import CircularPlan, circle_samples
 from planner.common.calls import called_with
 from planner.common.console import as_word
+from planner.common.content_hashes import HandEdit
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
 from planner.common.numbers import number_of
-from planner.common.object_hashes import HandEdit
 from planner.common.progress import Stages
 from planner.common.result import FolderResult
 from planner.common.summary import Fact, Summary, under_key

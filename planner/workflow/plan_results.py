@@ -19,11 +19,11 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.console import as_word
+from planner.common.content_hashes import HandEdit
 from planner.common.errors import InputError
 from planner.common.files import check_writing, encode_text, write_bytes, write_text, write_together
 from planner.common.lazy_modules import pl
 from planner.common.numbers import number_of
-from planner.common.object_hashes import HandEdit
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import Summary

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.common.content_hashes import part_hashes
 from planner.common.errors import InputError
-from planner.common.object_hashes import part_hashes
 from planner.design.expected_errors import error_limit
 from planner.kinematics.robot_hash import model_text_hash
 from planner.model.finding import Finding

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.common.content_hashes import with_hashes
 from planner.common.errors import InputError
-from planner.common.object_hashes import with_hashes
 from planner.common.summary import SCREEN_LINES
 from planner.documents.baseline import Baseline
 from planner.kinematics.robot_reader import load_robot

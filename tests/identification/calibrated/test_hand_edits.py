@@ -11,8 +11,8 @@ import tomli_w
 
 from planner.cell.fleet_file import with_fleet
 from planner.cell.reading import load_cell
+from planner.common.content_hashes import HASHES, hand_edits, with_hashes
 from planner.common.errors import InputError
-from planner.common.object_hashes import HASHES, hand_edits, with_hashes
 from planner.compensation.compensated_file import compensate_file
 from planner.documents.baseline import NAME, joint_noise_of
 from planner.documents.calibrated_robot import CalibratedRobot, calibrated_files, calibrated_meshes
