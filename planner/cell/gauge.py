@@ -132,6 +132,7 @@ class GaugeNumbers:
     kind: ClassVar[str]  # in cell files
     usual_scale: ClassVar[float] = 1e-5  # one sigma of its scale, as of steel 1 K off: all lengths of the arm have it
     largest_scale: ClassVar[float] = 1e-3  # no more is plausible: steel 30 K off, or all refraction of air, is 3e-4
+    wrong_scales: ClassVar[float] = 0.02  # share of runs whose scale or unit is wrong: of hundreds by people a few
 
     @property
     def scale_sigma(self) -> float:

@@ -96,7 +96,8 @@ class DeclaredGeometry:
         smallest = sigma[own] * _solve(R[:, [*range(G), -1]], np.ones((1, G)))[0][0]
         if not scale:
             return cls(geometry, sigma[own], smallest, smallest)
-        rest, *shared = _weigh_factor(R, lengths[own], found.setup.gauge.scale_sigma)
+        gauge = found.setup.gauge
+        rest, *shared = _weigh_factor(R, lengths[own], gauge.scale_sigma, gauge.wrong_scales)
         return cls(geometry, sigma[own], smallest, sigma[own] * rest, *shared)
 
     @property
@@ -125,6 +126,13 @@ class DeclaredGeometry:
         if (share := 0.05 / max(self.factor_probability, 1e-300)) >= 1.0:
             return 0.0
         return max(0.0, abs(self.factor) + self.factor_std * float(ndtri(1.0 - share)))
+
+    def draw_factors(self, count: int) -> Array:
+        """Return the factor of ``count`` robots drawn: zero but for as many of them as its probability says."""
+        drawn, share = np.zeros(count), round(self.factor_probability * count)
+        if share:
+            drawn[:share] = self.factor + self.factor_std * ndtri((np.arange(share) + 0.5) / share)
+        return np.asarray(np.random.default_rng(0).permutation(drawn))
 
     @property
     def factor_text(self) -> str:
@@ -197,15 +205,17 @@ def _solve(R: Array, sizes: Array) -> tuple[Array, Array, Array]:
     return sizes * mean, sizes * std, evidence
 
 
-def _weigh_factor(R: Array, lengths: np.ndarray, known: float) -> tuple[Array, float, float, float]:
+def _weigh_factor(
+    R: Array, lengths: np.ndarray, known: float, wrong_scales: float
+) -> tuple[Array, float, float, float]:
     """Return errors in sigmas (G,) beside a factor, the factor, its standard deviation, and how likely there is one.
 
     Args:
         R: triangle of the columns of the geometry per sigma, of the factor and of the readings, (G + 2, G + 2).
         lengths: which columns are of lengths, (G,); the others are of angles.
         known: standard deviation of the gauge's scale as declared.
+        wrong_scales: share of the runs with such a gauge whose scale or unit is wrong.
     """
-    wrong_scales = 0.02  # of runs have a wrong scale or unit: of hundreds that people make a few
     sizes = np.geomspace(*PRIOR_FACTORS, 16)  # a factor of 1.5 apart
     pairs = np.array(list(product(sizes, sizes)))
     prior = -0.5 * (np.log(pairs) ** 2).sum(axis=1) / LOG_NOISE_SIGMA**2

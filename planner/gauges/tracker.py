@@ -44,6 +44,7 @@ class Tracker(FrameGauge):
     kind: ClassVar[str] = "tracker"
     noun: ClassVar[str] = "beam"
     usual_scale: ClassVar[float] = 2e-6  # air 2 K off; its distance meter errs by 0.3 ppm (Leica AT500 manual)
+    wrong_scales: ClassVar[float] = 5e-3  # nobody types in a length of it: its wavelength is its standard
     usual_keys: ClassVar[Mapping[str, Mapping[str, object]]] = {"cone_deg": {"fixture": 180.0}}  # it turns anywhere
     validates_with: ClassVar[int] = 500  # (TriCal paper, section 6)
     default_noise_um: ClassVar[float] = 15.0

@@ -152,13 +152,14 @@ def _release(
     time: float,
     basis: ReleaseBasis,
     traced: TracingResult,
+    declared: DeclaredGeometry,
 ) -> ReleasedRobot | None:
     """Return the robot to be released, ``None`` where it is the fit's or the posterior does not come to rest."""
     if basis == "fit":
         return None
     give_back_memory()
     try:
-        return release_robot(stages, free.whole, context, cell, time, basis == "geometry", traced.variants)
+        return release_robot(stages, free.whole, context, cell, time, basis == "geometry", declared, traced.variants)
     except (NoSolutionError, np.linalg.LinAlgError):
         return None
 
@@ -186,7 +187,7 @@ def assess_fit(
     covariance, time = _whole_covariance(found, free, run.continuous)
     table = _estimate_all(free, found, covariance, traced)
     problems, declared = find_problems(stages, free, traced, run, cell, time)
-    released = None if problems else _release(stages, free, context, cell, time, basis, traced)
+    released = None if problems else _release(stages, free, context, cell, time, basis, traced, declared)
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     last = (stages := _count_alike(stages, _row_weight(released, stages[-1].stage), parts))[-1].stage
     said = [
@@ -195,7 +196,7 @@ def assess_fit(
         *(*_fit_notes(stages[-1], parts, run, time), *_release_notes(released, not problems and basis != "fit")),
         *(*workspace_warning(expected, last.held_out, found.model.width), *(() if problems else declared.factor_notes)),
     ]
-    estimates, release = _released_sections(released, table, declared)
+    estimates, release = _released_sections(released, table)
     diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
     worse = None if problems else worse_than_nominal(kept, release, expected, cell.gauge.unit)
     causes, traced = _find_causes(bool(problems or worse), traced, released, table, context, time)
@@ -254,14 +255,12 @@ def _find_causes(
 
 
 def _released_sections(
-    released: ReleasedRobot | None, table: tuple[Estimate, ...], declared: DeclaredGeometry
+    released: ReleasedRobot | None, table: tuple[Estimate, ...]
 ) -> tuple[tuple[Estimate, ...], Release | None]:
     """Return every parameter of the robot that is written, and the section about it; the table if that is the fit's."""
     if released is None:
         return table, None
-    reach = float(np.sqrt(released.tool.position.var(axis=0).sum()))  # rms from the middle of the workspace
-    at_most = float(np.hypot(released.at_most, declared.factor_at_most * reach))
-    return released_estimates(table, released), describe_release(released).model_copy(update={"at_most": at_most})
+    return released_estimates(table, released), describe_release(released)
 
 
 def _release_notes(released: ReleasedRobot | None, wanted: bool) -> list[str]:

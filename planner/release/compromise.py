@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.common.units import Array
-from planner.fit.assumptions import DOUBT, NOTICED, POSITION_AXES
+from planner.fit.assumptions import DOUBT, NOTICED
 from planner.fit.least_squares import Fit
 from planner.release.released_robot import ReleasedRobot, pick_rows
 
@@ -41,7 +41,7 @@ def minimise_expected_error(geometry: ReleasedRobot, risk: float = 1.0) -> Fit:
     off, tool = geometry.drawn_offsets, geometry.tool
     moved = pick_rows(off, posterior.fit.model.names, tool.names)
     products = moved.T @ (tool.gram @ moved) / len(tool.q)
-    beside = POSITION_AXES * geometry.misfit.rest**2 + geometry.drift**2
+    beside = geometry.drawn_beside(tool).mean(axis=0)
     return with_values(posterior.fit, posterior.fit.errors + off @ _least_risk(products, beside, square, risk))
 
 

@@ -68,6 +68,11 @@ class ToolMap:
         return self.rows.reshape(-1, len(self.names))
 
     @cached_property
+    def from_middle_square(self) -> Array:
+        """Squared distance of the point from the middle of its workspace at every state, (n,) [m²]."""
+        return np.asarray(((self.position - self.position.mean(axis=0)) ** 2).sum(axis=1))
+
+    @cached_property
     def gram(self) -> Array:
         """Products of the rows of all states, (P, P)."""
         return np.asarray(self.flat_rows.T @ self.flat_rows)
@@ -87,6 +92,7 @@ class ReleasedRobot:
         posterior: what the errors are judged by.
         misfit: how much farther off the drawn robots are than it says, by regions that it did not see.
         drift: how far each of them moves the tool in the time of the run, rms over it and the workspace, (n,) [m].
+        factors: by which all lengths of each of them are too long, because the gauge's scale or unit is wrong, (n,).
         tool: motion of the measured tool point; further_points: of each further tool point that was measured, where
             the tool has several; other_tools: of points about the flange; work_tool: of the tool that the robot works
             with, where the cell names it; measured: of the measured point at poses of the run.
@@ -100,6 +106,7 @@ class ReleasedRobot:
     posterior: PosteriorFit
     misfit: Misfit
     drift: Array
+    factors: Array
     tool: ToolMap
     further_points: tuple[ToolMap, ...]
     other_tools: tuple[ToolMap, ...]
@@ -208,8 +215,16 @@ class ReleasedRobot:
         names = [where.names[k] for k in at]
         off = self.drawn_offsets[[here[n] for n in names]] - self.offset(names, fit)[:, None]
         square = (off * (where.gram[np.ix_(at, at)] @ off)).sum(axis=0)
-        beside = POSITION_AXES * self.misfit.rest**2 + self.drift**2
-        return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + beside))
+        return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + self.drawn_beside(where).mean(axis=0)))
+
+    def drawn_beside(self, where: ToolMap) -> Array:
+        """Return what no parameter of each drawn robot says of the tool at every state, its square (n, d) [m²].
+
+        That is the rest, the drift in time, and a factor on all lengths, which an alignment in the middle of the
+        workspace leaves.
+        """
+        rest = POSITION_AXES * self.misfit.rest**2 + self.drift**2
+        return np.asarray(rest + where.from_middle_square[:, None] * self.factors**2)
 
     @cached_property
     def drawn_offsets(self) -> Array:

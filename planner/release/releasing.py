@@ -21,6 +21,7 @@ from planner.fit.assumptions import (
     WORTH_SAYING,
 )
 from planner.fit.cross_validation import Split, predict_held_out
+from planner.fit.gross_errors import DeclaredGeometry
 from planner.fit.least_squares import Fit, solve
 from planner.fit.problem import FitProblem
 from planner.fit.wild_rows import unseen_weights
@@ -52,6 +53,7 @@ def release_robot(
     cell: Cell,
     time: float,
     geometry_alone: bool,
+    declared: DeclaredGeometry,
     variants: Sequence[EffectFamily] = (),
 ) -> ReleasedRobot:
     """Fit the posterior and return the robot to be written.
@@ -67,6 +69,7 @@ def release_robot(
         cell: the cell.
         time: how many samples are worth one.
         geometry_alone: release the geometry as fitted alone.
+        declared: what the run says of one factor on all lengths.
         variants: the last stage's findings at other values of their inner numbers.
 
     Raises:
@@ -99,7 +102,8 @@ def release_robot(
     nameless, repeats = posterior.record.count_nameless(), RepeatedReadings.of(posterior.fit, run)
     misfit = draw_misfit(unseen, posterior.drawn.shape[1], nameless, repeats, limits.seed)
     drift, maps = drift_of(cell, run, posterior), tool_maps(cell, context.run, posterior.fit)
-    known, own = (posterior, misfit, drift, *maps), plain.stage
+    factors = declared.draw_factors(posterior.drawn.shape[1])
+    known, own = (posterior, misfit, drift, factors, *maps), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, *known, own.held_out, own.validation, own.held_residual)
     aim, share = (posterior.fit, 0.0) if geometry_alone else choose_compromise(geometry)
     if len(plain.fit.problem) == len(run):  # else geometry was fitted to another part of a long run

@@ -64,14 +64,13 @@ def target_errors(released: ReleasedRobot, fit: Fit | None, tool: ToolMap) -> Ar
     Over the states its root mean square is :meth:`ReleasedRobot.drawn_errors`. ``fit``: whose values are written;
     ``None``: of the nominal robot.
     """
-    known, misfit = released.posterior, released.misfit
+    known = released.posterior
     here = {name: k for k, name in enumerate(known.fit.model.names)}
     at = [k for k, name in enumerate(tool.names) if name in here and known.drawn[here[name]].any()]
     which = [here[tool.names[k]] for k in at]
     off = released.drawn_offsets[which] - released.offset([tool.names[k] for k in at], fit)[:, None]
     moved = (tool.flat_rows[:, at] @ off).reshape(len(tool.q), POSITION_AXES, -1)
-    beside = POSITION_AXES * misfit.rest**2 + released.drift**2  # of no state in particular
-    return np.asarray(np.sqrt((moved**2).sum(axis=1) + beside))
+    return np.asarray(np.sqrt((moved**2).sum(axis=1) + released.drawn_beside(tool)))
 
 
 def _sure_limit(errors: Array) -> float:

@@ -1,6 +1,5 @@
 """A case of the golden record: files laid into an empty folder, then commands run there one after the other."""
 
-import json
 import os
 import subprocess
 import sys
@@ -74,7 +73,7 @@ def run(case):
             )
             problems += _problems(f"step {k} ({' '.join(step.words[:3])})", step, done)
             if done.returncode == step.code:
-                found += [replace(q, case=case.name) for q in _of_step(step, done.stdout, folder)]
+                found += [replace(q, case=case.name) for q in _of_step(step, folder)]
         found += of_files(case.name, folder, laid)
     return found, problems
 
@@ -91,12 +90,12 @@ def _problems(where, step, done):
     ]
 
 
-def _of_step(step, printed, folder):
-    """Return the quantities of what a step printed, and of a calibrated robot beside the simulated truth."""
+def _of_step(step, folder):
+    """Return the quantities of what a step corrected, and of a calibrated robot beside the simulated truth."""
     command, first, *_ = *step.words, ""
     out = folder / step.words[step.words.index("-o") + 1] if "-o" in step.words else None
-    if command == "compensate" and "--json" in step.words:
-        found = of_correction(folder / first, out, json.loads(printed))
+    if command == "compensate" and step.code == 0:
+        found = of_correction(folder / first, out)
         return [replace(q, name=f"{out.name}: {q.name}") for q in found]
     if command == "identify" and (folder / "truth.toml").exists() and (out / "robot.toml").exists():
         cell = folder / step.words[step.words.index("--cell") + 1]

@@ -8,6 +8,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
 
@@ -182,14 +183,19 @@ def of_document(document: Document) -> Iterator[Quantity]:
             yield Quantity("", f"value of {name}", f["value"], f["unit"], "10 %")
 
 
-def of_correction(before: Path, after: Path, printed: Document) -> Iterator[Quantity]:
-    """Yield how much of a program, or of a table of targets, was corrected, and by how much."""
-    yield Quantity("", "lines corrected", float(len(printed["corrected_lines"])), "", COUNT, "more")
-    yield Quantity("", "lines left", float(len(printed["left_lines"])), "", COUNT, "less")
-    pairs = zip(_lines(before), _lines(after), strict=False) if before.suffix == after.suffix else ()
+def of_correction(before: Path, after: Path) -> Iterator[Quantity]:
+    """Yield how many lines of a program, or of a table of targets, have other numbers, and by how much."""
+    pairs = [pair for pair in _same_words(_lines(before), _lines(after)) if pair[0] != pair[1]]
+    yield Quantity("", "lines corrected", float(len(pairs)), "", COUNT, "more")
     steps = [abs(float(b) - float(a)) for one, other in pairs for a, b in _numbers(one, other) if a != b]
-    if steps:
-        yield Quantity("", "mean change of a number", float(np.mean(steps)), "mm or deg", "10 %")
+    yield Quantity("", "mean change of a number", float(np.mean(steps)) if steps else 0.0, "mm or deg", "10 %")
+
+
+def _same_words(before: list[str], after: list[str]) -> Iterator[tuple[str, str]]:
+    """Yield the lines of two texts that have the same words; a remark that was put in has no partner."""
+    words = [[NUMBER.sub("#", line) for line in text] for text in (before, after)]
+    for block in SequenceMatcher(None, *words, autojunk=False).get_matching_blocks():
+        yield from zip(before[block.a :][: block.size], after[block.b :][: block.size], strict=True)
 
 
 def _numbers(one: str, other: str) -> Iterator[tuple[str, str]]:

@@ -37,7 +37,20 @@ def geometry_of(drawn, rest=0.01, stretch=1.0):
     misfit = Misfit(np.full(count, stretch), np.full(count, rest))
     alone, held = fit_of([0.0, 0.0]), SimpleNamespace()
     return ReleasedRobot(
-        alone, alone, posterior, misfit, np.zeros(count), tool, (), (), None, tool, held, None, np.zeros((1, 1))
+        alone,
+        alone,
+        posterior,
+        misfit,
+        np.zeros(count),
+        np.zeros(count),
+        tool,
+        (),
+        (),
+        None,
+        tool,
+        held,
+        None,
+        np.zeros((1, 1)),
     )
 
 

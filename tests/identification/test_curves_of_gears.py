@@ -80,7 +80,7 @@ def test_regions_held_out_are_predicted_by_the_families_of_the_posterior(taken, 
     monkeypatch.setattr(releasing, "DENSE_READINGS", 0)
     monkeypatch.setattr(releasing, "predicts_better", lambda *_: taken)
     with pytest.raises(RegionsPredictedError):
-        releasing.release_robot((geometry, last), geometry.fit.model, bench, None, 1.0, False)
+        releasing.release_robot((geometry, last), geometry.fit.model, bench, None, 1.0, False, None)
     *tried, posterior = names[:3]
     assert posterior == tried[taken] != tried[not taken]
     assert any(curve.name in n for n in posterior) is taken

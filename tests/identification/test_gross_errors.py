@@ -139,7 +139,7 @@ def linear_arm(rng, factor, share):
     R = np.vstack([R, np.zeros(R.shape[1])])
     y = R @ np.append(share * rng.standard_normal(len(LINKS)), factor) + rng.standard_normal(len(R))
     R = np.column_stack([R, y])
-    weighed = _weigh_factor(np.vstack([R, np.zeros(R.shape[1])]), np.ones(len(LINKS), dtype=bool), 1e-5)
+    weighed = _weigh_factor(np.vstack([R, np.zeros(R.shape[1])]), np.ones(len(LINKS), dtype=bool), 1e-5, 0.02)
     nothing = np.zeros(len(LINKS))
     return DeclaredGeometry((), nothing, nothing, *weighed)
 
@@ -190,3 +190,14 @@ def test_a_factor_in_doubt_is_said_and_one_that_is_ruled_out_is_not():
         assert not isinstance(said, Aside)
     clear = next(a for a in arms if a.factor_at_most == 0)
     assert "of up to 0.3 % would not be seen" in clear.factor_notes[0] or "0.4 %" in clear.factor_notes[0]
+
+
+def test_robots_drawn_have_the_factor_as_often_as_it_is_likely():
+    nothing = np.zeros(0)
+    doubtful = DeclaredGeometry((), nothing, nothing, nothing, 2e-3, 4e-4, 0.14)
+    drawn = doubtful.draw_factors(1000)
+    has = drawn[drawn != 0.0]
+    assert len(has) == 140
+    np.testing.assert_allclose([has.mean(), has.std()], [2e-3, 4e-4], rtol=0.02)
+    assert np.quantile(np.abs(drawn), 0.95) == pytest.approx(doubtful.factor_at_most, rel=0.02)
+    assert not DeclaredGeometry((), nothing, nothing, nothing).draw_factors(1000).any()

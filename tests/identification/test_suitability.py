@@ -1,6 +1,7 @@
 """What a calibrated robot is good for, held against simulated arms whose targets are judged one by one."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,7 +33,9 @@ def test_targets_of_arms_lie_within_what_is_stated():
 
 @pytest.mark.long
 def test_over_the_targets_the_errors_are_those_that_are_stated_everywhere():
-    released = judged_targets(0)[0].released
+    found = judged_targets(0)[0].released
+    released = replace(found, factors=np.linspace(0.0, 2e-3, len(found.drift)))
+    assert released.at_most > 1.1 * found.at_most
     for fit in (None, released.fit):
         errors = target_errors(released, fit, released.tool)
         assert np.sqrt((errors**2).mean(axis=0)) == pytest.approx(released.drawn_errors(fit), rel=1e-9)
