@@ -30,7 +30,8 @@ from planner.kinematics.robot_hash import is_model_of, model_text_hash
 from planner.model.model import chunks
 from planner.model.tool_error import tool_rows, tool_setup
 from planner.release.error_parts import error_parts
-from planner.release.released_robot import ReleasedRobot, ToolMap, moving_effects
+from planner.release.released_robot import ReleasedRobot
+from planner.release.tool_map import ToolMap, moving_effects
 from planner.runs.run import Run, Samples
 
 

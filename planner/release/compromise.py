@@ -41,7 +41,7 @@ def minimise_expected_error(geometry: ReleasedRobot, risk: float = 1.0) -> Fit:
     off, tool = geometry.drawn_offsets, geometry.tool
     moved = pick_rows(off, posterior.fit.model.names, tool.names)
     products = moved.T @ (tool.gram @ moved) / len(tool.q)
-    beside = geometry.drawn_beside(tool).mean(axis=0)
+    beside = geometry.drawn_beside(tool.from_middle_square.mean())
     return with_values(posterior.fit, posterior.fit.errors + off @ _least_risk(products, beside, square, risk))
 
 

@@ -11,27 +11,21 @@ average over the time of the run. How far it drifts from that meanwhile is an er
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from planner.cell.cell import Cell, MeasurementSetup
-from planner.cell.placement import N_BASE_TRANSFORMS
-from planner.common.determinism import even_positions
-from planner.common.units import Array, read_only
-from planner.effects.compliance import StationTwist
-from planner.effects.effect import Parameter, tool_point_parameters
-from planner.effects.phi_keys import columns_of
-from planner.fit.assumptions import NEGLIGIBLE_SHARE, OTHER_TOOL, POSITION_AXES
+from planner.common.units import Array
+from planner.effects.effect import tool_point_parameters
+from planner.fit.assumptions import NEGLIGIBLE_SHARE, POSITION_AXES
 from planner.fit.least_squares import Fit
 from planner.inference.misfit import Misfit
-from planner.inference.posterior_background import BACKGROUND, acts_on_robot
+from planner.inference.posterior_background import BACKGROUND
 from planner.inference.posterior_fit import PosteriorFit
 from planner.model.identification_document import Metrics
-from planner.model.tool_error import aligned_rows, samples_like, tool_position, uniform_states
-from planner.runs.run import Run
+from planner.release.tool_map import ToolMap
 
 
 def pick_rows(values: Array, names: Sequence[str], wanted: Sequence[str]) -> Array:
@@ -42,44 +36,6 @@ def pick_rows(values: Array, names: Sequence[str], wanted: Sequence[str]) -> Arr
         if name in here:
             row[:] = values[here[name]]
     return out
-
-
-@dataclass(frozen=True)
-class ToolMap:
-    """The tool's motion at states of the workspace, a new alignment of the base left out.
-
-    Attributes:
-        q: states, (n, N) [rad].
-        p_FM: the tool's point in the flange frame, (3,) [m].
-        position: of the point in the base frame, (n, 3) [m].
-        names: of the parameters that move the tool.
-        rows: of every parameter, (n, 3, P) [m per unit].
-    """
-
-    q: Array
-    p_FM: Array
-    position: Array
-    names: tuple[str, ...]
-    rows: Array
-
-    @property
-    def flat_rows(self) -> Array:
-        """The rows of all states one below the other, (3 n, P)."""
-        return self.rows.reshape(-1, len(self.names))
-
-    @cached_property
-    def from_middle_square(self) -> Array:
-        """Squared distance of the point from the middle of its workspace at every state, (n,) [m²]."""
-        return np.asarray(((self.position - self.position.mean(axis=0)) ** 2).sum(axis=1))
-
-    @cached_property
-    def gram(self) -> Array:
-        """Products of the rows of all states, (P, P)."""
-        return np.asarray(self.flat_rows.T @ self.flat_rows)
-
-    def square(self, values: Array) -> Array:
-        """Return the squared motion of every state [m²], (n,), by columns of errors (P, k), summed over the columns."""
-        return np.asarray(((self.flat_rows @ values) ** 2).reshape(len(self.q), -1).sum(axis=1))
 
 
 @dataclass(frozen=True)
@@ -208,23 +164,44 @@ class ReleasedRobot:
         Parameters ``without`` count as known.
         """
         where = self.tool if tool is None else tool
+        drawn = self._move(where, without) if without else self._moved(where)
+        off = self.offset(drawn.names, fit)
+        moved = drawn.gram @ off
+        square = drawn.square - 2 * (moved @ self.drawn_offsets[drawn.rows]) + off @ moved
+        beside = self.drawn_beside(where.from_middle_square.mean())
+        return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + beside))
+
+    def _moved(self, where: ToolMap) -> "_DrawnMotion":
+        """Return how the drawn robots move a tool; computed once."""
+        if id(where) not in self._known_motions:
+            self._known_motions[id(where)] = self._move(where)
+        return self._known_motions[id(where)]
+
+    @cached_property
+    def _known_motions(self) -> dict[int, "_DrawnMotion"]:
+        return {}
+
+    def _move(self, where: ToolMap, without: Collection[str] = ()) -> "_DrawnMotion":
         known = self.posterior
         here = {name: k for k, name in enumerate(known.fit.model.names)}
         moving = {n for n in where.names if n in here and known.drawn[here[n]].any()}.difference(without)
         at = [k for k, n in enumerate(where.names) if n in moving]
         names = [where.names[k] for k in at]
-        off = self.drawn_offsets[[here[n] for n in names]] - self.offset(names, fit)[:, None]
-        square = (off * (where.gram[np.ix_(at, at)] @ off)).sum(axis=0)
-        return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + self.drawn_beside(where).mean(axis=0)))
+        rows, gram = [here[n] for n in names], where.gram[np.ix_(at, at)]
+        off = self.drawn_offsets[rows]
+        return _DrawnMotion(names, rows, gram, (off * (gram @ off)).sum(axis=0))
 
-    def drawn_beside(self, where: ToolMap) -> Array:
-        """Return what no parameter of each drawn robot says of the tool at every state, its square (n, d) [m²].
+    def drawn_beside(self, from_middle_square: Array) -> Array:
+        """Return the square [m²] of what no parameter of each drawn robot says of the tool, (..., d).
 
         That is the rest, the drift in time, and a factor on all lengths, which an alignment in the middle of the
         workspace leaves.
+
+        Args:
+            from_middle_square: squared distance of the tool from there at states, or its mean, (...) [m²].
         """
         rest = POSITION_AXES * self.misfit.rest**2 + self.drift**2
-        return np.asarray(rest + where.from_middle_square[:, None] * self.factors**2)
+        return np.asarray(rest + np.multiply.outer(from_middle_square, self.factors**2))
 
     @cached_property
     def drawn_offsets(self) -> Array:
@@ -301,81 +278,14 @@ class ReleasedRobot:
         )
 
 
-class ToolMaps(NamedTuple):
-    """Motion of the tool points of which an error is stated; see :class:`ReleasedRobot`."""
+class _DrawnMotion(NamedTuple):
+    """How robots drawn from the posterior, about its mean, move a tool.
 
-    tool: ToolMap
-    further_points: tuple[ToolMap, ...]
-    other_tools: tuple[ToolMap, ...]
-    work_tool: ToolMap | None
-    measured: ToolMap
-
-
-def tool_maps(cell: Cell, run: Run, fit: Fit) -> ToolMaps:
-    """Return the motion over the workspace of measured, other and working tool points, and at poses of the run."""
-    setup = fit.setup
-    effects = moving_effects(fit)
-    q = uniform_states(cell, 1000, 0)  # joint states at which the tool is looked at
-    around = [OTHER_TOOL * sign * np.eye(3)[k] for k in range(3) for sign in (1.0, -1.0)]
-    few = q[:: len(around)]
-    work = cell.tool.work
-    return ToolMaps(
-        tool_map(q, run, setup, effects, with_point=True),
-        tuple(
-            tool_map(few, run, _at_point(setup, p_FM, name), effects, with_point=True)
-            for name, p_FM in list(zip(setup.point_names, setup.p_FM, strict=True))[1:]
-        ),
-        tuple(tool_map(few, run, _at_point(setup, p), effects, with_point=False) for p in around),
-        None if work is None else tool_map(q, run, _at_point(setup, work), effects, with_point=False),
-        # 200: poses of the run, for a mean over it that is known to some per cent
-        tool_map(run.samples.q[even_positions(len(run), 200)], run, setup, effects, with_point=True),
-    )
-
-
-def drift_of(cell: Cell, run: Run, posterior: PosteriorFit) -> Array:
-    """Return how far each robot drawn from a posterior moves the tool in the time of a run, (n,) [m].
-
-    What moves base or gauge alone is left out: every cell aligns its work pieces.
+    ``names`` of the parameters that do, ``rows`` in which they stand in the draws, ``gram`` of their motion (k, k), and
+    its ``square`` summed over the states, (d,) [m²].
     """
-    fit, count = posterior.fit, posterior.drawn.shape[1]
-    setup = fit.setup
-    slow = tuple(p for p in fit.model.parameters if p.is_effect and moves_in_time(p) and _moves_arm(p, setup))
-    if not slow:
-        return np.zeros(count)
-    # of 300 states each stands for a moment of the run: the mean over both is known to some per cent
-    moved = tool_map(uniform_states(cell, 300, 0), run, setup, slow, with_point=False)
-    here, there = ([names.index(p.name) for p in slow] for names in (moved.names, fit.model.names))
-    drawn, gram = posterior.drawn[there], moved.gram[np.ix_(here, here)]
-    return np.asarray(np.sqrt((drawn * (gram @ drawn)).sum(axis=0) / len(moved.q)))
 
-
-def moves_in_time(parameter: Parameter) -> bool:
-    """Tell whether a parameter acts by the clock of the run."""
-    return any("t" in columns_of(m.phi.key) for m in parameter.moves)
-
-
-def _moves_arm(parameter: Parameter, setup: MeasurementSetup) -> bool:
-    """Tell whether a parameter moves parts of the robot, be it in axes of a station of its own, and not all of it."""
-    first, end = N_BASE_TRANSFORMS, N_BASE_TRANSFORMS + len(setup.robot.transforms)
-    return all(
-        m.on == "transform" and (first <= m.index < end or isinstance(m.phi, StationTwist)) for m in parameter.moves
-    )
-
-
-def moving_effects(fit: Fit) -> tuple[Parameter, ...]:
-    """Return the parameters of a fit, beside geometry, that the robot's file can hold."""
-    setup = fit.setup
-    return tuple(p for p in fit.model.parameters if p.is_effect and acts_on_robot(p, setup))
-
-
-def _at_point(setup: MeasurementSetup, p_FM: Array, name: str = "") -> MeasurementSetup:
-    return replace(setup, p_FM=read_only(p_FM[None]), R_FM=setup.R_FM[:1], point_names=(name,))
-
-
-def tool_map(q: Array, run: Run, setup: MeasurementSetup, effects: Sequence[Parameter], with_point: bool) -> ToolMap:
-    """Return the motion at states q (n, N) [rad] of the first tool point of a set-up, loaded as in the run."""
-    samples = samples_like(run, q)
-    names, rows = aligned_rows(samples, setup, effects)
-    kept = [k for k, n in enumerate(names) if with_point or not n.startswith("map_")]
-    moved = rows[:, kept].reshape(len(q), 3, -1)
-    return ToolMap(q, setup.p_FM[0], tool_position(samples, setup), tuple(names[k] for k in kept), moved)
+    names: list[str]
+    rows: list[int]
+    gram: Array
+    square: Array

@@ -41,7 +41,8 @@ from planner.model.identification_document import Metrics, Release, WorkToolErro
 from planner.model.model import Model
 from planner.release.compromise import choose_compromise, interpolate_fit
 from planner.release.error_parts import error_parts, misfit_place, open_misfit_place
-from planner.release.released_robot import ReleasedRobot, ToolMap, drift_of, tool_maps
+from planner.release.released_robot import ReleasedRobot
+from planner.release.tool_map import ToolMap, drift_of, tool_maps
 from planner.release.unseen_errors import unseen_errors
 from planner.runs.run import Run
 

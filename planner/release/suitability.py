@@ -14,7 +14,8 @@ from planner.common.units import Array
 from planner.fit.assumptions import POSITION_AXES
 from planner.fit.least_squares import Fit
 from planner.model.use_statement import ToolUse, Use, UseAnswer
-from planner.release.released_robot import ReleasedRobot, ToolMap
+from planner.release.released_robot import ReleasedRobot
+from planner.release.tool_map import ToolMap
 
 ENOUGH = 0.95  # share of targets within a tolerance that a use asks for, and of robots that an answer must hold for
 ALL_OF: Final = "inverted_cdf"  # of quantiles: the least value that so many stay within
@@ -70,7 +71,7 @@ def target_errors(released: ReleasedRobot, fit: Fit | None, tool: ToolMap) -> Ar
     which = [here[tool.names[k]] for k in at]
     off = released.drawn_offsets[which] - released.offset([tool.names[k] for k in at], fit)[:, None]
     moved = (tool.flat_rows[:, at] @ off).reshape(len(tool.q), POSITION_AXES, -1)
-    return np.asarray(np.sqrt((moved**2).sum(axis=1) + released.drawn_beside(tool)))
+    return np.asarray(np.sqrt((moved**2).sum(axis=1) + released.drawn_beside(tool.from_middle_square)))
 
 
 def _sure_limit(errors: Array) -> float:

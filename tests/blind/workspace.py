@@ -14,7 +14,7 @@ import numpy as np
 import tests.simulation.generator.runs as runs
 from planner.documents.calibrated_robot import CalibratedRobot, calibrated_files
 from planner.kinematics.robot_reader import load_robot
-from planner.release.released_robot import moving_effects, tool_map
+from planner.release.tool_map import moving_effects, tool_map
 from planner.tracing.trace import trace
 from tests.blind.trial import identified
 from tests.simulation.generator.arm import Arm

@@ -16,7 +16,8 @@ from planner.release.compromise import (
     minimise_expected_error,
     safe_share,
 )
-from planner.release.released_robot import ReleasedRobot, ToolMap
+from planner.release.released_robot import ReleasedRobot
+from planner.release.tool_map import ToolMap
 
 NAMES = ("a", "b")
 RISKS = (1.0, 2.0, 4.0)

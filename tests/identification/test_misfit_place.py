@@ -10,7 +10,7 @@ from planner.inference.misfit import Misfit
 from planner.model.identification_document import ErrorParts
 from planner.model.misfit_place import MisfitPlace
 from planner.release.error_parts import acts_like, largest_misfit, open_misfit
-from planner.release.released_robot import ToolMap
+from planner.release.tool_map import ToolMap
 from planner.workflow.fit_overview import _misfit_facts, _part_facts
 
 Q = np.random.default_rng(0).uniform(-2.0, 2.0, (2000, 6))
