@@ -90,14 +90,17 @@ def hand_edits(path: Path, content: object, uncounted: Iterable[str] = ()) -> tu
 
 def _with_floats(value: object) -> object:
     """Return a value of TOML with all numbers as floats, which have one spelling."""
+    largest = 1e300  # no quantity reaches it, and a whole number beyond may overflow
     match value:
         case Mapping():
             return {str(key): _with_floats(v) for key, v in value.items()}
+        case list() | tuple() if set(map(type, value)) == {float}:  # rows of a matrix: quick
+            return [v + 0.0 if abs(v) < largest else str(v) for v in value]
         case list() | tuple():
             return [_with_floats(v) for v in value]
         case bool() | str():
             return value
-        case int() | float() if abs(value) < 1e300:  # what no quantity reaches, and a whole number may overflow
+        case int() | float() if abs(value) < largest:
             return float(value) + 0.0  # -0.0 becomes 0.0
         case _:
             return str(value)

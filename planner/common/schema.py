@@ -343,6 +343,8 @@ def _switch_as_number(data: object, made: object) -> KeyPath | None:
         parts = [(key, value, getattr(made, names[key])) for key, value in data.items() if key in names]
     elif isinstance(data, dict) and isinstance(made, dict):
         parts = [(key, value, made.get(key)) for key, value in data.items()]
+    elif isinstance(data, list) and set(map(type, data)) <= {float, str}:  # rows of a matrix: quick
+        return None
     elif isinstance(data, list) and isinstance(made, list | tuple) and len(data) == len(made):
         parts = [(k, *pair) for k, pair in enumerate(zip(data, made, strict=True))]
     found = ((key, _switch_as_number(value, beside)) for key, value, beside in parts)

@@ -65,7 +65,7 @@ class Model:
         stated = setup.robot.priors
         return cls(setup, tuple(p.with_prior(stated.size(p.name, p.prior)) for p in parameters))
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters in order."""
         return tuple(p.name for p in self.parameters)

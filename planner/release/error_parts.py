@@ -29,7 +29,7 @@ def error_parts(released: ReleasedRobot) -> ErrorParts:
     off = (known.drawn - known.fit.errors[:, None])[which][:, most]
     of_noise = known.of_noise[which][:, most]
     unnamed = _has_no_name([known.fit.model.names[k] for k in which])
-    own, other = (_trace(weight, off * part) for part in (unnamed, ~unnamed))
+    own, other = (_trace(weight[np.ix_(part, part)], off[part]) for part in (unnamed, ~unnamed))
     share = own / max(own + other, 1e-300)
     all_square, by_noise = (_trace(weight, part) / off.shape[1] for part in (off, of_noise))
     stretched = float((misfit.stretch**2).mean()) - 1
@@ -63,8 +63,8 @@ def _trace(weight: Array, columns: Array) -> float:
 
 
 def _has_no_name(names: Sequence[str]) -> np.ndarray:
-    """Tell which parameters are of what has no name, (P, 1)."""
-    return np.array([name.startswith(UNNAMED) for name in names], dtype=bool)[:, None]
+    """Tell which parameters are of what has no name, (P,)."""
+    return np.array([name.startswith(UNNAMED) for name in names], dtype=bool)
 
 
 def _root_after_many(known: PosteriorFit) -> Array:
@@ -88,9 +88,9 @@ def misfit_likelihood(released: ReleasedRobot) -> float:
 def misfit_motion(released: ReleasedRobot) -> Array:
     """Return how far what has no name moves the tool at every state, rms, (n,) [m]; the base aligned anew."""
     known, tool = released.posterior, released.tool
-    drawn = pick_rows(known.drawn, known.fit.model.names, tool.names) * _has_no_name(tool.names)
+    drawn = pick_rows(known.drawn, known.fit.model.names, tool.names)
     rest = POSITION_AXES * float((released.misfit.rest**2).mean())
-    return np.asarray(np.sqrt(tool.square(drawn) / drawn.shape[1] + rest))
+    return np.asarray(np.sqrt(tool.square(drawn, _has_no_name(tool.names)) / drawn.shape[1] + rest))
 
 
 def misfit_place(released: ReleasedRobot) -> MisfitPlace | None:
@@ -109,8 +109,9 @@ def open_misfit(released: ReleasedRobot, parts: ErrorParts) -> Array:
     names, unnamed = known.fit.model.names, _has_no_name(tool.names)
     off = pick_rows(known.drawn - known.fit.errors[:, None], names, tool.names)
     noise = pick_rows(known.of_noise, names, tool.names)
-    each = (off * unnamed, off * ~unnamed, off, noise)
-    own, other, both, by_noise = (tool.square(columns) / off.shape[1] for columns in each)
+    every = slice(None)
+    each = ((off, unnamed), (off, ~unnamed), (off, every), (noise, every))
+    own, other, both, by_noise = (tool.square(*columns) / off.shape[1] for columns in each)
     share = own / np.maximum(own + other, 1e-300)
     square = misfit.rest_square + both * share + by_noise * (float((misfit.stretch**2).mean()) - 1)
     return np.asarray(square * parts.misfit**2 / max(float(square.mean()), 1e-300))

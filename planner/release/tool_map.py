@@ -55,9 +55,13 @@ class ToolMap:
         """Products of the rows of all states, (P, P)."""
         return np.asarray(self.flat_rows.T @ self.flat_rows)
 
-    def square(self, values: Array) -> Array:
-        """Return the squared motion of every state [m²], (n,), by columns of errors (P, k), summed over the columns."""
-        return np.asarray(((self.flat_rows @ values) ** 2).reshape(len(self.q), -1).sum(axis=1))
+    def square(self, values: Array, which: slice | np.ndarray = slice(None)) -> Array:
+        """Return the squared motion of every state [m²], (n,), by columns of errors (P, k), summed over the columns.
+
+        ``which``: parameters (P,) bool that count; all if not given.
+        """
+        moved = self.flat_rows[:, which] @ values[which]
+        return np.asarray((moved**2).reshape(len(self.q), -1).sum(axis=1))
 
 
 class ToolMaps(NamedTuple):
