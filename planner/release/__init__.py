@@ -2,5 +2,5 @@
 
 __all__ = [
     "causes", "error_history", "error_parts", "nominal_comparison", "released_parameters", "released_robot",
-    "releasing", "suitability",
+    "releasing", "suitability", "tool_map",
 ]  # fmt: skip

@@ -164,14 +164,14 @@ class ReleasedRobot:
         Parameters ``without`` count as known.
         """
         where = self.tool if tool is None else tool
-        drawn = self._move(where, without) if without else self._moved(where)
+        drawn = self._move(where, without) if without else self._motion_of(where)
         off = self.offset(drawn.names, fit)
         moved = drawn.gram @ off
         square = drawn.square - 2 * (moved @ self.drawn_offsets[drawn.rows]) + off @ moved
         beside = self.drawn_beside(where.from_middle_square.mean())
         return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + beside))
 
-    def _moved(self, where: ToolMap) -> "_DrawnMotion":
+    def _motion_of(self, where: ToolMap) -> "_DrawnMotion":
         """Return how the drawn robots move a tool; computed once."""
         if id(where) not in self._known_motions:
             self._known_motions[id(where)] = self._move(where)
