@@ -104,8 +104,8 @@ export class CellView {
     const flat = geometry.toNonIndexed();
     flat.computeVertexNormals();
     const clear = part.opacity < 1;
-    const material = new THREE.MeshStandardMaterial({
-      color: part.colour, transparent: clear, opacity: part.opacity, depthWrite: !clear, roughness: 0.75,
+    const material = new THREE.MeshLambertMaterial({
+      color: part.colour, transparent: clear, opacity: part.opacity, depthWrite: !clear,
       side: THREE.DoubleSide, flatShading: false,
     });
     const mesh = new THREE.Mesh(flat, material);
@@ -136,7 +136,7 @@ export class CellView {
       const spots = this.view.spots.filter((s) => s.role === role);
       if (!spots.length) continue;
       const mesh = new THREE.InstancedMesh(
-        new THREE.SphereGeometry(11, 12, 8), new THREE.MeshStandardMaterial({ color: colour }), spots.length);
+        new THREE.SphereGeometry(11, 12, 8), new THREE.MeshLambertMaterial({ color: colour }), spots.length);
       const matrix = new THREE.Matrix4();
       spots.forEach((s, k) => mesh.setMatrixAt(k, matrix.makeTranslation(...s.position_mm)));
       mesh.visible = role !== "validate" || spots.length <= MANY; // its switch shows them
