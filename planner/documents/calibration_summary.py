@@ -175,7 +175,7 @@ def _steps(c: Calibration, r: Release, used: float, pace: float | None) -> Itera
         warm = "Measure once the arm is warm, or log temperature_degC"
         yield _Step(warm, _without(parts.drift, used, r), None)
     if misfit_counts(parts) and (place := r.misfit_place) is not None:
-        where = f"with {', '.join(x.text for x in place.ranges)}" if place.ranges else "twice each ([plan] repeat)"
+        where = f"with {', '.join(x.text for x in place.ranges)}" if place.ranges else "between those of this run"
         yield _Step(f"Measure 20 poses {where}", _without(parts.misfit, used, r), minutes(20))
 
 

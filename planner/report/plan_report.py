@@ -11,6 +11,7 @@ from planner.cell.cell import Cell
 from planner.common.summary import Aside, count_alike, name_first
 from planner.common.units import to_deg, to_mm
 from planner.design.observability.information import INDEX_RULES
+from planner.model.use_text import bound_text
 from planner.report.cell_view import build_cell_view
 from planner.report.mounting import mounting_details, mounting_drawings, mounting_steps
 from planner.report.page import Report, Row
@@ -84,8 +85,15 @@ def _drive_text(plan: Plan) -> str:
     more = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
     poses = f"{len(plan.choice.q)} poses{f', {more}' if more else ''}"
     _, gap, proven = text.clearance_fact([v for d in plan.drives for v in d.verdicts], plan.cell)
-    path = f"The path is free of collisions: nearest bodies {gap} apart, {proven}."
-    return f"{minutes:.0f} minutes of driving, {poses}. {path}"
+    path = f"The nominal robot collides nowhere on the path: nearest bodies {gap} apart, {proven}."
+    return f"{minutes:.0f} minutes of driving, {poses}. {path}{_first_drive_text(plan)}"
+
+
+def _first_drive_text(plan: Plan) -> str:
+    """Say that this robot may come nearer than was proven, where it may be farther off than the path is clear."""
+    if plan.targets is None or plan.targets.before < min(d.clearance for d in plan.drives):
+        return ""
+    return f" Uncalibrated, it may be {bound_text(plan.targets.before)} elsewhere: drive slowly the first time."
 
 
 def _cell_name(plan: Plan) -> str:
