@@ -19,6 +19,7 @@ from planner.checks.assumptions import FEWEST_READINGS
 from planner.checks.detection import Detector, Explanation
 from planner.common.errors import InputError
 from planner.common.lazy_modules import stats
+from planner.common.numbers import number_of
 from planner.common.units import Array
 from planner.documents.baseline import Baseline
 from planner.effects.backlash import ApproachDirection
@@ -357,7 +358,8 @@ def _prepare(run: Run, cell: Cell, baseline: Baseline) -> Run:
         raise InputError(f"{run.name}: was measured while moving; a check is measured at rest, as its plan drives it")
     if len(run) < FEWEST_READINGS:
         raise InputError(
-            f"{run.name}: {len(run)} poses; a check needs {FEWEST_READINGS} at least, better the ten of its plan"
+            f"{run.name}: {number_of(len(run), 'pose')}; a check needs {FEWEST_READINGS} at least, better the ten of "
+            "its plan"
         )
     if baseline.file.turns and run.readings.rotation is None and run.readings.pixels is None:
         raise InputError(f"{run.name}: has no rx_deg, ry_deg, rz_deg, but the baseline was measured with orientations")

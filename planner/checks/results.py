@@ -16,6 +16,7 @@ from planner.checks.evaluation import (
     possible_changes,
     shows_play,
 )
+from planner.common.numbers import number_of
 from planner.common.summary import Fact, Summary
 from planner.common.units import Array, in_units, round_finite, to_deg, to_mm
 from planner.documents.baseline import Baseline
@@ -138,7 +139,7 @@ def verdict_overview(verdict: CheckVerdict) -> Summary:
         least = sorted((j for j in verdict.judged if j.change.kind != "collision"), key=lambda j: j.detectable)
         some = least if len(least) <= 2 * MOST_SHOWN else [*least[:MOST_SHOWN], *least[-MOST_SHOWN:]]
         facts += [("would show", f"{to_mm(j.detectable):.3f} mm  {j.change.name}") for j in some]
-    title = f"{verdict.run}: {said}, {verdict.outcome} since the calibration ({len(verdict.poses)} poses)"
+    title = f"{verdict.run}: {said}, {verdict.outcome} since the calibration ({number_of(len(verdict.poses), 'pose')})"
     return Summary(title, facts, notes=verdict.notes)
 
 

@@ -12,7 +12,7 @@ from planner.model.calibration_summary import CalibrationSummary, CauseLine, Nex
 from planner.model.finding import Finding, cause_text, percent
 from planner.model.identification_document import Release
 from planner.model.use_statement import ToolName, ToolUse, Use, UseAnswer
-from planner.model.use_text import TOOLS, bound_text, share_text
+from planner.model.use_text import TARGET, TOOLS, ask_for_tolerance, bound_text, share_text, targets_text
 from planner.release.error_parts import drift_counts, misfit_counts
 from planner.release.suitability import judge_use
 
@@ -79,14 +79,13 @@ def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[UseAnswer
         return "not known", "Not known what this robot is good for", "The error over the workspace was not estimated."
     mine = _of_tool(use, tool)
     if use.tolerance is None or mine.answer is None:
-        within, before = bound_text(mine.targets_within), bound_text(mine.targets_within_before)
-        why = "A yes or no needs a tolerance: --tolerance-mm, or tolerance_mm of [use]."
-        return "not known", f"95 of 100 targets within {within}, {before} before", why
+        why = ask_for_tolerance("--tolerance-mm, or tolerance_mm under [use] in the cell")
+        return "not known", targets_text(mine.targets_within, mine.targets_within_before), f"{why} {TARGET}"
     limit = f"{float(to_mm(use.tolerance)):g} mm"
     words = {"yes": "Good enough", "no": "Not good enough", "not known": "Not known whether it is good enough"}
     before = share_text(mine.share_before)
-    share = f"{share_text(mine.share)} of targets are within {limit} with {TOOLS[tool]}, {before} before"
-    return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}."
+    share = f"{share_text(mine.share)} of targets are within {limit} with {TOOLS[tool]}, uncalibrated {before}"
+    return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}. {TARGET}"
 
 
 def cause_lines(c: Calibration, before: float | None) -> Iterator[CauseLine]:
@@ -120,9 +119,10 @@ def _size(cause: Finding) -> str:
 
 
 def _how_sure(cause: Finding) -> str:
-    sure = cause.grade if cause.probability is None else f"{cause.grade}, {percent(cause.probability)} sure"
     others = len(cause.rivals)
-    return sure + (f", else one of {others} others" if others > 1 else ", else one other" if others else "")
+    said = [] if cause.probability is None else [f"{percent(cause.probability)} sure"]
+    said += [f"else {'one other cause' if others == 1 else f'one of {others} other causes'}"] if others else []
+    return f"{cause.grade}, {'; '.join(said)}" if said else cause.grade
 
 
 def _next_steps(
@@ -165,10 +165,10 @@ def _steps(c: Calibration, r: Release, used: float, pace: float | None) -> Itera
     if parts is None:
         return
     left = _without(parts.unseen, used, r)
-    one_cup = c.run.readings.length is not None and len(c.run.places) == 1
+    one_fixture = c.run.readings.length is not None and len(c.run.places) == 1
     if parts.unseen > max(parts.seen, parts.misfit):
-        if one_cup:
-            yield _Step("Measure from a second cup: edbb plan --fixtures 2", left, minutes(c.n_groups))
+        if one_fixture:
+            yield _Step("Measure from a second fixture: edbb plan --fixtures 2", left, minutes(c.n_groups))
         else:
             yield _Step("Measure poses in parts of the workspace that the run leaves out", left, minutes(20))
     if drift_counts(parts):

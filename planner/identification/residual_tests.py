@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from planner.common.determinism import even_positions
+from planner.common.numbers import number_of
 from planner.common.robust import MEDIAN_NORM
 from planner.common.units import Array, read_only
 from planner.documents.calibration import ResidualDiagnosis, ResidualTest
@@ -201,7 +202,7 @@ def _excess_text(found: ResidualDiagnosis, rms: float, noise: float, unit: str) 
     )
     if found.structured:
         return f"{found.sentence} {more}."
-    return f"{more}: it is not that noise, and what it follows none of the {len(found.trials)} tests can tell."
+    return f"{more}: it is not that noise, and {number_of(len(found.trials), 'test')} cannot tell what it follows."
 
 
 def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) -> ResidualBattery | None:
@@ -296,6 +297,6 @@ def _verdict(trials: Sequence[ResidualTest], found: Sequence[ResidualTest], rms:
     if not trials:
         return TOO_FEW
     if not found:
-        return f"What is left looks random in all {len(trials)} tests."
+        return f"What is left looks random in {'the one test' if len(trials) == 1 else f'all {len(trials)} tests'}."
     names = ", ".join(t.along for t in found)
     return f"What is left is not random: {rms * 1e3:.3g} {unit} (rms) of it follows {names}."

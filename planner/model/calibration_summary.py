@@ -2,7 +2,7 @@
 
 from planner.model.document_section import DocumentSection
 from planner.model.use_statement import ToolName, UseAnswer
-from planner.model.use_text import TOOLS, bound_text
+from planner.model.use_text import TOOLS, bound_text, targets_text
 
 
 class CauseLine(DocumentSection):
@@ -31,7 +31,7 @@ class CalibrationSummary(DocumentSection):
         tool: with which tool; the figure and the next steps are of this one.
         targets_within, targets_within_before: what 95 of 100 targets stay within [m]; ``None`` where nothing is known.
         other_tool_within: the same with any other tool.
-        causes: three at most, what takes most away first.
+        causes: three at most, the likeliest first.
         next_steps: two at most, what brings most first.
     """
 
@@ -57,6 +57,6 @@ class CalibrationSummary(DocumentSection):
         """What the figure means, as far as the headline does not say it, and what another tool makes of it."""
         if self.targets_within is None or self.targets_within_before is None:
             return ""
-        before = f"95 of 100 targets are within this, {bound_text(self.targets_within_before)} before, "
+        said = "" if self.tolerance is None else f"{targets_text(self.targets_within, self.targets_within_before)}, "
         other = "" if (o := self.other_tool_within) is None else f"; with {TOOLS['another']} {bound_text(o)}"
-        return f"{'' if self.tolerance is None else before}with {TOOLS[self.tool]}{other}"
+        return f"{said}with {TOOLS[self.tool]}, 95 % sure{other}"

@@ -1,30 +1,36 @@
-"""The one list of causes: many of one kind as the one thing that they are, in the order of what each takes away.
+"""The one list of causes: many of one kind as the one thing that they are, the likeliest first.
 
 A reflector that was seated anew and play in joint after joint are draws of one random effect: its size each time, or at
 each joint, has a root mean square, which n of them tell within 1 / √(2 n) of itself.
 """
 
 from collections.abc import Iterable, Sequence
+from typing import get_args
 
 import numpy as np
 
 from planner.common.units import MM, display_unit, format_value
-from planner.model.finding import Finding, Member
+from planner.model.finding import Finding, Grade, Member
 
 JOINT = "joint "
 
 
 def list_causes(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Return causes as they are told everywhere: many of one kind as one, what takes most away first.
+    """Return causes as they are told everywhere: many of one kind as one, by grade, then probability.
 
-    Those that are doubtful come last. A list that is told so already stays as it is.
+    Of those as likely in whole percent, what takes most away comes first. A list that is told so already stays.
     """
     kinds: dict[tuple[str, ...], list[Finding]] = {}
     for k, f in enumerate(findings):
         kinds.setdefault(_kind_of(f) or (str(k),), []).append(f)
     # 3: findings of one kind from which on they are one
     every = [f for own in kinds.values() for f in ([_together(own)] if len(own) >= 3 else own)]
-    return tuple(sorted(every, key=lambda f: (f.is_doubtful, -f.gain)))
+    return tuple(sorted(every, key=_order))
+
+
+def _order(f: Finding) -> tuple[int, float, float]:
+    sure = 1.0 if f.probability is None else f.probability
+    return get_args(Grade).index(f.grade), -round(sure, 2), -f.gain
 
 
 def _kind_of(f: Finding) -> tuple[str, ...] | None:

@@ -6,7 +6,18 @@ from planner.common.units import to_mm
 from planner.model.use_statement import ToolUse, Use
 
 TOOLS = {"measured": "the measured tool point", "own": "its own tool", "another": "any other tool"}
+TARGET = "A target is a position that an offline program names; poses taught by hand do not change."
 Row = tuple[str, ...]
+
+
+def targets_text(within: float, uncalibrated: float) -> str:
+    """Say what 95 of 100 targets are within [m], and within what they are of the robot as it comes."""
+    return f"95 of 100 targets within {bound_text(within)}, uncalibrated {bound_text(uncalibrated)}"
+
+
+def ask_for_tolerance(where: str) -> str:
+    """Say what a yes or no needs, and ``where`` it is given."""
+    return f"State a tolerance ({where}) for a yes or no."
 
 
 def use_sentence(use: Use) -> str:
@@ -29,7 +40,7 @@ def tolerance_sentence(use: Use) -> str:
 
 
 def _shares(tool: ToolUse) -> str:
-    return f"{share_text(tool.share)} of targets, {share_text(tool.share_before)} before"
+    return f"{share_text(tool.share)} of targets, uncalibrated {share_text(tool.share_before)}"
 
 
 def use_rows(use: Use) -> list[Row]:
@@ -40,9 +51,7 @@ def use_rows(use: Use) -> list[Row]:
     what = f"poses taught by hand{', assumed' if use.repeatability_assumed else ''}"
     rows = [(what, repeats, repeats, *([taught] if asked else []))]
     for t in use.tools:
-        verdict = (
-            [f"{t.answer}: {share_text(t.share)} of targets, {share_text(t.share_before)} before"] if asked else []
-        )
+        verdict = [f"{t.answer}: {_shares(t)}"] if asked else []
         bounds = (bound_text(t.targets_within_before), bound_text(t.targets_within))
         rows.append((f"offline programs, {TOOLS[t.tool]}", *bounds, *verdict))
     return rows
@@ -51,7 +60,7 @@ def use_rows(use: Use) -> list[Row]:
 def use_head(use: Use) -> Row:
     """Return the titles of the columns of :func:`use_rows`."""
     asked = [] if use.tolerance is None else [f"within {to_mm(use.tolerance):g} mm?"]
-    return ("use", "before", "calibrated", *asked)
+    return ("use", "uncalibrated", "calibrated", *asked)
 
 
 def verdict_text(use: Use) -> str:

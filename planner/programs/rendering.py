@@ -38,8 +38,8 @@ def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramSt
         found.append("this format switches no output: where the arm comes to rest tells the poses")
     if control.gauge_input is None and any(isinstance(i, WaitInput) for i in program.instructions):
         found.append(
-            "no input says that the gauge is ready, the operator alone goes on, "
-            "the cell names no controller.gauge_input"
+            "at the start the operator says that the gauge is ready, no input does: the cell names no "
+            "controller.gauge_input"
         )
     numbers = ((name, getattr(control, name)) for name in NUMBERS if not getattr(dialect.select, name))
     by_hand = [f"{name} {number}" for name, number in numbers if number is not None]

@@ -5,6 +5,7 @@ import numpy as np
 from planner.accuracy.assumptions import FRAMES
 from planner.accuracy.precision import RepeatedCentrings
 from planner.accuracy.validation import ErrorFigures, ModelErrors, Validation
+from planner.common.numbers import number_of
 from planner.common.units import UM, to_mm
 from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline, list_panel
 from planner.report.formatting import in_um
@@ -19,7 +20,7 @@ def error_histogram(found: Validation) -> Chart:
         "mean and largest. The tracker's frame comes from the nests, never from these poses."
     )
     panels = tuple(_panel(name, colour, judged) for name, colour, judged in both if judged is not None)
-    return Chart("accuracy", f"Position errors at {len(found.run)} poses", caption, panels)
+    return Chart("accuracy", f"Position errors at {number_of(len(found.run), 'pose')}", caption, panels)
 
 
 def _panel(name: str, colour: str, judged: ModelErrors) -> Panel:

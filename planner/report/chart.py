@@ -66,7 +66,7 @@ class ColourField:
     Attributes:
         x, y: middles of the squares, (c,) and (r,), evenly apart.
         values: (r, c), not a number where nothing is known.
-        label: what the colours stand for.
+        label: what the colours stand for, with its unit in brackets.
         most: value of the darkest colour, the palest being zero; else both are those of the values.
     """
 
@@ -87,6 +87,11 @@ class ColourField:
             low, high = low - spare, high + (spare or float(low == high))
         step = _tick_step((low, high))
         return float(step * np.floor(low / step + 1e-9)), float(step * np.ceil(high / step - 1e-9))
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return self.label.partition("(")[2].removesuffix(")")
 
     @property
     def ticks(self) -> tuple[list[float], list[str]]:

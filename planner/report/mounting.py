@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.reading import gauge_class
-from planner.common.units import Array, to_mm
+from planner.common.units import MM, Array, to_mm
 from planner.kinematics.inverse_kinematics import tool_pose
 from planner.session.plan_types import Drive, Plan, Visit
 
@@ -64,6 +64,7 @@ class MountingDrawing:
         line: between the ends of the gauge: ``rod``, ``sight`` or none.
         gauge: the gauge and its length; holder: where its end sits in the frame of the flange, in words.
         title: of the drawing.
+        places: name and position of each ball or socket in mm; empty where there is one.
     """
 
     fixture: Point
@@ -79,6 +80,7 @@ class MountingDrawing:
     gauge: str
     holder: str
     title: str
+    places: str
 
 
 def mounting_drawings(plan: Plan) -> list[MountingDrawing]:
@@ -118,6 +120,7 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
         gauge=f"{gauge.noun} {length}" if attached else own,
         holder=f"{on_tool} at {_vector(holder)} mm of the flange",
         title=f"{own[:1].upper()}{own[1:]}, {on_tool} and flange from the side",
+        places=", ".join(f"{n} {_vector(p * MM)}" for n, p in balls) if len(balls) > 1 else "",
     )
 
 

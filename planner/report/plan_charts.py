@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.numbers import number_of
 from planner.common.units import Array, to_deg, to_mm
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.foresight_text import describe_numbers_of_poses
@@ -106,18 +107,18 @@ def expected_error_chart(expected: BayesianDesign) -> Chart:
 
 
 def _this_plan(n: int, value: float, hover: str) -> Series:
-    return Series(f"this plan: {n} poses", np.array([n]), np.array([value]), RED, "points", hover=(hover,))
+    return Series(f"this plan: {number_of(n, 'pose')}", np.array([n]), np.array([value]), RED, "points", hover=(hover,))
 
 
 def funnel_chart(plan: Plan) -> Chart:
     """What each filter leaves of the sampled states."""
     counts = [float(v) for v in asdict(plan.pool.funnel).values()]
     texts = [count_text(counts[0])]
-    texts += [f"{count_text(v)}   {digits(100 * v / u if u else 0.0)} % pass" for u, v in pairwise(counts)]
+    texts += [f"{count_text(v)}, {digits(100 * v / u if u else 0.0)} % pass" for u, v in pairwise(counts)]
     bars = Series("", np.array(counts), np.arange(len(counts), dtype=float), BLUE, "bars", texts=tuple(texts))
     span = (1.0, 10.0 ** (np.ceil(np.log10(max(counts[0], 10.0))) + 2))
     panel = list_panel(
-        "", "states that are left (logarithmic scale)", plan.pool.funnel.names, [bars], log_x=True, x_range=span
+        "", "states that are left (logarithmic scale)", plan.pool.funnel.names, [bars], 38, log_x=True, x_range=span
     )
     caption = (
         f"{count_text(len(plan.pool))} candidates are kept of the states that pass every filter; "
@@ -211,14 +212,19 @@ def speed_chart(cell: Cell, way: DrivenPath, drive: Drive) -> Chart:
     """Speed of the tool point and of the joints against their limits, and the largest use of every limit."""
     t, limit, speed = way.motion.t, float(to_mm(cell.motion.tool_speed)), to_mm(way.motion.tool_speed)
     limits: tuple[ReferenceLine, ...] = ()
+    title, caption = "Speed of the tool point", _way_text(way)
     if np.isfinite(drive.trajectory.tool_speed_limit).any():
-        limits = (ReferenceLine(limit, f"measuring speed, {limit:.3g} mm/s = {limit * 60:g} mm/min"),)
+        limits = (ReferenceLine(limit, ""),)
+        title += f"; dotted: measuring speed, {limit:.3g} mm/s = {limit * 60:g} mm/min"
+        if speed.max() > 1.01 * limit:
+            most = f"{speed.max():.0f} mm/s"
+            caption += f" Peaks up to {most} are moves between poses, to which the measuring speed does not apply."
     span = (0.0, 1.25 * max([float(speed.max()), *(line.at for line in limits)]))
     line = (Series("", t, speed, BLUE),)
-    tool = _over_time(way, "Speed of the tool point", "speed (mm/s)", line, span, limits=limits)
+    tool = _over_time(way, title, "speed (mm/s)", line, span, limits=limits)
     lines, span = joint_series(t, 100 * way.share, width=1.1), (0.0, max(1.0, 115 * float(way.share.max())))
     joints = _over_time(way, "Speed of the joints", "part of its limit (%)", lines, span)
-    return Chart("speeds", "Speeds against their limits", _way_text(way), (tool, joints, _limit_use(drive)))
+    return Chart("speeds", "Speeds against their limits", caption, (tool, joints, _limit_use(drive)))
 
 
 def _limit_use(drive: Drive) -> Panel:

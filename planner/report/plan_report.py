@@ -8,6 +8,7 @@ import numpy as np
 import planner.report.formatting as text
 import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
+from planner.common.numbers import number_of
 from planner.common.summary import Aside, count_alike, name_first
 from planner.common.units import to_deg, to_mm
 from planner.design.observability.information import INDEX_RULES
@@ -47,6 +48,7 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
     overview += [plan_charts.parameter_chart(forecasts)] if forecast is None else []
     ahead = [plan_charts.expected_error_chart(plan.expected_error)] if plan.expected_error else []
     ahead += [plan_charts.index_chart(plan, plan.curve)] if plan.curve else []
+    visits = [(v, plan.cell.gauge.visit_cells(plan.cell, v)) for d in plan.drives for v in d.visits]
     content = {
         "plan": plan,
         "title": f"{'Session plan' if forecast is None else forecast.title} for {plan.cell.robot.title}",
@@ -65,7 +67,9 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
         "drives": drives,
         "forecasts": [_forecast(f) for f in forecasts],
         "rules": INDEX_RULES,
-        "visits": [v for d in plan.drives for v in d.visits],
+        "visits": visits,
+        "places": any(where for _, (where, _) in visits),
+        "figures": any(figure for _, (_, figure) in visits),
     }
     charts = (*ahead, *overview, *(c for d in drives for c in d["charts"]))
     return Report("plan.html.j2", content, charts, build_cell_view(plan))
@@ -83,7 +87,7 @@ def _drive_text(plan: Plan) -> str:
     minutes = sum(d.trajectory.duration_s for d in plan.drives) / 60
     roles = [v.role for d in plan.drives for v in d.visits]
     more = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
-    poses = f"{len(plan.choice.q)} poses{f', {more}' if more else ''}"
+    poses = f"{number_of(len(plan.choice.q), 'pose')}{f', {more}' if more else ''}"
     _, gap, proven = text.clearance_fact([v for d in plan.drives for v in d.verdicts], plan.cell)
     path = f"The nominal robot collides nowhere on the path: nearest bodies {gap} apart, {proven}."
     return f"{minutes:.0f} minutes of driving, {poses}. {path}{_first_drive_text(plan)}"
@@ -107,7 +111,7 @@ def _unseen(plan: Plan) -> tuple[str, str] | None:
     if not seen.dropped:
         return None
     count = f"{len(seen.dropped)} of {len(seen.dropped) + len(seen.names)} parameters"
-    counted = "" if plan.forecast is None else "; the expected error counts them"
+    counted = "" if plan.forecast is None else "; the expected error includes them"
     return f"These poses do not show {name_first([d.name for d in seen.dropped])}", f"{count}{counted}"
 
 

@@ -4,6 +4,7 @@ Lines and points stand in a square of ``GRID`` by ``GRID`` units that the browse
 stand around it as HTML, so that letters keep their size on a phone, on a desk and in print.
 """
 
+import re
 from base64 import b64encode
 from html import escape
 from io import BytesIO
@@ -69,7 +70,9 @@ class _Axis(NamedTuple):
 def _axes(panel: Panel) -> tuple[_Axis, _Axis]:
     x_span = panel.log_span("x") if panel.log_x else panel.x_range or _seen_span(panel, "x")
     if panel.y_names:
-        return _Axis(x_span, panel.log_x, False), _Axis((-0.6, len(panel.y_names) - 0.4), False, False)
+        # a row, or half of one, above the first name: what is written at an upright line stands there
+        top = -1.2 if any(line.upright and line.text for line in panel.limits) else -0.6
+        return _Axis(x_span, panel.log_x, False), _Axis((top, len(panel.y_names) - 0.4), False, False)
     y_span = panel.log_span("y") if panel.log_y else panel.y_range or _seen_span(panel, "y")
     return _Axis(x_span, panel.log_x, False), _Axis(y_span, panel.log_y, True)
 
@@ -96,7 +99,8 @@ def _panel(panel: Panel, named: set[str]) -> str:
     texts = "".join(_bar_texts(s, x, y) for s in panel.series) + "".join(_note(line, x, y) for line in panel.limits)
     wide = max((len(n) for n in panel.y_names), default=0)
     style = f' style="--names:{min(wide, 34) + 2}ch"' if wide else ""
-    names = [(y.percent(float(k)), name) for k, name in enumerate(panel.y_names)]
+    up = 0.2 if any(s.texts for s in panel.series) else 0.0  # of a row: the middle of a bar that has its text below
+    names = [(y.percent(k - up), name) for k, name in enumerate(panel.y_names)]
     down = [(p, escape(t)) for p, t in names] or y.ticks(max(3, panel.height // 55))  # [px] a tick
     across = (
         [(x.percent(float(k)), escape(n)) for k, n in enumerate(panel.cells.x_names)] if panel.cells else x.ticks(5)
@@ -105,8 +109,14 @@ def _panel(panel: Panel, named: set[str]) -> str:
         f'<svg viewBox="0 0 {GRID} {GRID}" preserveAspectRatio="none" aria-hidden="true">{picture}{under}{inside}</svg>'
     )
     marks = "".join(f'<span class="tick" style="top:{p}%">{t}</span>' for p, t in down)
+    # letters for which a phone has room below a panel, two of them between numbers
+    room, letters = (24 if wide else 38), sum(len(re.sub("<.*?>", "", t)) + 2 for _, t in across)
+    step = 1 if panel.cells else -(-letters // room)
     # 97: [%] of the width, from which half of a number would stand outside
-    feet = "".join(f'<span class="tick{" end" if p > 97 else ""}" style="left:{p}%">{t}</span>' for p, t in across)
+    feet = "".join(
+        f'<span class="tick{" end" if p > 97 else ""}{" spare" if k % step else ""}" style="left:{p}%">{t}</span>'
+        for k, (p, t) in enumerate(across)
+    )
     slanted = " slanted" if panel.cells else ""
     return (
         f'<div class="panel"{style}>{_head(panel, named)}<div class="plot">'
@@ -175,10 +185,11 @@ def _dots(at: Array) -> str:
 
 def _bars(s: Series, x: _Axis, y: _Axis) -> str:
     left = max(float(x.place(np.array([x.span[0]]))[0]), 0.0)
-    half = 0.3 * GRID / (y.span[1] - y.span[0])  # 0.3: of a row, on either side of its middle
+    row = GRID / (y.span[1] - y.span[0])
+    above, below = (0.4 * row, 0.0) if s.texts else (0.3 * row, 0.3 * row)  # of its middle; texts stand under a bar
     ends, rows = x.place(s.x), y.place(s.y)
     way = "".join(
-        f"M{left:.0f} {r - half:.0f}H{e:.0f}V{r + half:.0f}H{left:.0f}Z" for e, r in zip(ends, rows, strict=True)
+        f"M{left:.0f} {r - above:.0f}H{e:.0f}V{r + below:.0f}H{left:.0f}Z" for e, r in zip(ends, rows, strict=True)
     )
     return f'<path class="bars" d="{way}" fill="{s.colour}"/>'
 
@@ -253,6 +264,7 @@ def _scale(panel: Panel) -> str:
     if panel.field is not None:
         colours: tuple[str, ...] = FIELD_SCALE
         texts = panel.field.ticks[1]
+        texts[-1] += f"\u00a0{panel.field.unit}"
     elif panel.cells is not None:
         colours, texts = (RED, "#FFFFFF", BLUE), ["−1", "1"]
     else:

@@ -8,7 +8,7 @@ from planner.circular.document import CircularDocument
 from planner.common.schema import PartialModel, read_json
 from planner.common.units import MM
 from planner.design.observability.information import find_rule
-from planner.model.use_text import bound_text
+from planner.model.use_text import targets_text
 from planner.report.formatting import duration_text
 from planner.service.answers import Job, OutputFile
 from planner.service.context import ServiceContext
@@ -128,8 +128,7 @@ def _what_it_tells(plan: PlanDocument) -> list[tuple[str, str]]:
         text = f"{value} ({way} is better); no choice of as many poses has better than {bound}"
         rows.append((f"index {seen.index} in m, rad", text))
     if (e := plan.foresight) is not None and e.within_mm is not None and e.within_before_mm is not None:
-        within, before = (bound_text(v * MM) for v in (e.within_mm, e.within_before_mm))
-        rows.insert(0, ("expected", f"95 of 100 targets within {within}, {before} before"))
+        rows.insert(0, ("expected", targets_text(e.within_mm * MM, e.within_before_mm * MM)))
     elif e is not None and e.error_mm is not None:
         rows.append(("error to be expected", f"{_digits(e.error_mm)} mm"))
     return rows

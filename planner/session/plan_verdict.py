@@ -8,7 +8,7 @@ from planner.design.expected_errors import ErrorByNumber
 from planner.design.foresight_text import another_place_pays, describe_goal
 from planner.design.target_errors import TargetForecast
 from planner.model.use_statement import UseAnswer
-from planner.model.use_text import TOOLS, bound_text, share_text
+from planner.model.use_text import TARGET, TOOLS, ask_for_tolerance, bound_text, share_text, targets_text
 from planner.session.plan_types import Plan
 
 
@@ -43,21 +43,21 @@ def judge_plan(plan: Plan) -> PlanVerdict:
         headline = f"Expected: tool error {left}, now {bound_text(e.before)}"
         because = f"Rms {e.unknown.where}; 95 of 100 such robots stay below {at_most}.{goal}"
         return PlanVerdict(None, headline, because, _changes(plan, 1.0))
-    within = f"95 of 100 targets within {bound_text(targets.within)}, {bound_text(targets.before)} before"
+    within = targets_text(targets.within, targets.before)
     with_tool = f"with {TOOLS['measured']}"
     if targets.tolerance is None:
         answer, headline = None, f"Expected: {within}"
-        why = "A yes or no needs [use] tolerance_mm."
+        why = ask_for_tolerance("tolerance_mm under [use] in the cell")
         if targets.used != "measured":
             why = f"For {TOOLS[targets.used]}, which will be used, nothing is foreseen."
-        because = f"So good or better are 95 of 100 robots of this kind, {with_tool}. {why}"
+        because = f"95 of 100 robots of this kind end this good or better, {with_tool}. {why}"
     else:
         answer, headline = _answer(targets)
         because = (
             f"Expected {with_tool}: {within}, for 95 of 100 robots of this kind. {share_text(targets.enough)} of such "
             "robots hold the tolerance."
         )
-    return PlanVerdict(answer, headline, f"{because}{goal}", _changes(plan, targets.within / e.left))
+    return PlanVerdict(answer, headline, f"{because} {TARGET}{goal}", _changes(plan, targets.within / e.left))
 
 
 def _answer(targets: TargetForecast) -> tuple[UseAnswer, str]:
@@ -86,7 +86,7 @@ def _changes(plan: Plan, times: float) -> tuple[tuple[str, str], ...]:
     ]
     if (chosen := plan.expected_error) is not None and another_place_pays(chosen):
         floor = bound_text(times * chosen.floor)
-        out.append(("Better: a second fixture, --fixtures 2", f"all poses here leave {floor}"))
+        out.append(("Better: a second fixture, --fixtures 2", f"with one fixture never below {floor}"))
     return (*out, *((f"Quicker: --poses {f.poses}", f"{now} → {_number_text(f, times)}") for f in quicker))
 
 

@@ -132,7 +132,7 @@ class CalibrationResult(FitAccess, FolderResult):
 
     @property
     def findings(self) -> RowTable[Finding]:
-        """The causes that the run shows, what takes most away first (SI units)."""
+        """The causes that the run shows, the likeliest first (SI units)."""
         return RowTable(self.calibration.findings, partial(finding_row, reading_unit=self.calibration.reading_unit))
 
     @property

@@ -99,7 +99,7 @@ def circular_overview(plan: CircularPlan) -> Summary:
     facts: list[Fact] = []
     for a in arcs:
         c = a.circle
-        loads = f", {len(c.loads)} loads" if c.loads else ""
+        loads = f", {number_of(len(c.loads), 'load')}" if c.loads else ""
         bar = f"bar {to_mm(a.length.min()):.1f} to {to_mm(a.length.max()):.1f} mm"
         sweep = f"{to_deg(c.sweep):g}° from {to_deg(c.start):g}°, {' and '.join(c.directions)}{loads}"
         facts.append((c.name, f"{c.plane}, radius {to_mm(c.radius):g} mm, {sweep}, {to_mm(c.speed):.4g} mm/s; {bar}"))
@@ -180,7 +180,8 @@ class BothPlan(FolderResult):
         minutes = sum(c.duration for c in self.loaded.courses) / 60
         facts = [("drive", f"{minutes:.1f} min with the loaded bar on, proven as every plan is")]
         facts += [("found", s) for s in describe_common_fit(self.known)]
-        title = f"{robot}: {len(self.free.samples)} poses without load, {number_of(len(arcs), 'loaded circle')}"
+        poses, circles = number_of(len(self.free.samples), "pose"), number_of(len(arcs), "loaded circle")
+        title = f"{robot}: {poses} without load, {circles}"
         return Summary(title, facts, [*self._places(), *self._predictions()], self.loaded.notes)
 
     def _page_text(self) -> str:

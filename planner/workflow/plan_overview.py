@@ -142,7 +142,8 @@ def unproven_overview(found: UnprovenPoses) -> Summary:
     rule = INDEX_RULES[choice.index]
     gap, passes = 100 * max(rule.gap(choice.value, bound.value), 0.0), "exceeds" if rule.maximise else "falls below"
     return Summary(
-        f"{found.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, no path proven, no program",
+        f"{found.cell.name}: {number_of(len(choice.q), 'pose')} for {number_of(choice.seen.rank, 'parameter')}, "
+        "no path proven, no program",
         [
             ("not proven", found.why),
             (

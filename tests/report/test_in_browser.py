@@ -11,9 +11,10 @@ import planner.report.calibration_charts as calibration_charts
 import planner.report.cell_view_print as cell_view_print
 import planner.report.matplotlib_backend as matplotlib_backend
 from planner.report.calibration_report import report_calibration
-from planner.report.chart import Chart, Panel, Series, log_ticks
+from planner.report.chart import BLUE, Chart, Panel, Series, list_panel, log_ticks
 from planner.report.page import FOLDER, Report
 from planner.report.plan_report import report_plan
+from planner.report.svg_backend import chart_html
 from planner.session.plan_types import Plan
 from tests.browser import Browser
 from tests.report.calibrated import calibrated
@@ -103,3 +104,14 @@ def test_a_logarithmic_axis_has_ticks_that_differ_and_are_what_they_say(low: flo
     assert len(dict(map(reversed, inside))) == len(inside)
     assert np.allclose([float(t) for _, t in inside], [v for v, _ in inside], rtol=1e-9)
     assert (np.diff(values) > 0).all()
+
+
+def test_numbers_below_a_panel_have_room_on_a_phone() -> None:
+    """Eight powers of ten beside names: those that are left out have a class that a phone hides."""
+    bars = Series("", np.array([1e6, 1e3]), np.arange(2.0), BLUE, "bars", texts=("1", "2"))
+    panel = list_panel("", "", ("a long name of a row", "b"), [bars], 38, log_x=True, x_range=(1.0, 1e7))
+    html = chart_html(Chart("c", "", "", (panel,)))
+    across = html[html.index('class="across') :]
+    shown = re.findall(r'class="tick(?: end)?" style="[^"]*">(.*?)</span>', across)
+    assert 2 <= len(shown) <= 4
+    assert across.count(" spare") == 8 - len(shown)

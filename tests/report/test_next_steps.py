@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from planner.documents.calibration_summary import _next_steps
+from planner.documents.calibration_summary import _how_sure, _next_steps
+from planner.model.finding import Finding
 from planner.model.identification_document import ErrorParts
 from planner.model.use_statement import ToolUse, Use
 
@@ -36,3 +37,18 @@ def test_steps_are_in_the_measure_of_the_headline():
     warm, second = _next_steps(found, release, use, "measured", None)
     assert warm.brings == "2.5 mm → 2.0 mm at best"  # 1 → 0.8 rms
     assert second.brings == "any other tool 6.0 mm → 2.5 mm at best"
+
+
+@pytest.mark.parametrize(
+    ("probability", "rivals", "said"),
+    [
+        (0.99, (), "found, 99 % sure"),
+        (0.99, ("play",), "found, 99 % sure; else one other cause"),
+        (0.58, ("play", "ripple", "unnamed"), "likely, 58 % sure; else one of 3 other causes"),
+        (None, ("play",), "found, else one other cause"),
+        (None, (), "found"),
+    ],
+)
+def test_a_cause_says_how_sure_it_is_and_what_else_it_may_be(probability, rivals, said):
+    cause = Finding(effect="gear ripple", on="joint 1", value=1e-4, unit="rad", probability=probability, rivals=rivals)
+    assert _how_sure(cause) == said

@@ -97,13 +97,14 @@ def test_every_gauge_has_a_drawing_to_scale(name: str) -> None:
     along = 1e3 * cell.map_position(q[:1] if cell.has_bar() else q[1:])[0][:2] @ there[:2] / np.hypot(*there[:2])
     assert (drawing.ball[0] - drawing.base[0]) / scale == pytest.approx(along, abs=0.2 / scale)
     assert len(drawing.others) == max(len(cell.balls) - 1, 0)
+    assert all(f"{b.name} [" in drawing.places for b in cell.balls[1:])
     assert all(0 <= x <= 480 and 0 <= y <= 210 for x, y in (drawing.fixture, drawing.ball, drawing.flange))
 
 
 @pytest.mark.parametrize(
     ("tolerance", "enough", "headline"),
     [
-        (None, 0.0, "Expected: 95 of 100 targets within 0.81 mm, 6.4 mm before"),
+        (None, 0.0, "Expected: 95 of 100 targets within 0.81 mm, uncalibrated 6.4 mm"),
         (1e-3, 0.97, "Good enough for 1 mm, as far as can be foreseen"),
         (1e-3, 0.5, "Not known whether it will be good enough for 1 mm"),
         (1e-4, 0.0, "Not good enough for 0.1 mm"),
@@ -165,6 +166,13 @@ def test_poses_are_those_of_the_plan(plan: Plan, page: ReadPage) -> None:
     for row, visit in zip(rows, visits, strict=True):
         assert float(row[3]) == pytest.approx(visit.length * 1000, abs=0.0051)
         assert np.allclose([float(v) for v in row[4:]], np.degrees(visit.q), atol=5.1e-4)
+
+
+def test_columns_that_no_row_fills_are_left_out(plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(type(plan.cell.gauge), "visit_cells", lambda *_: ("", ""))
+    page = ReadPage()
+    page.feed(report_plan(plan).html())
+    assert all(len(row) == 2 + len(v.q) for row, v in zip(page.table("pose"), plan.drives[0].visits, strict=True))
 
 
 def test_sigmas_are_those_of_the_normal_equations(plan: Plan, page: ReadPage) -> None:

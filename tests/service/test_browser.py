@@ -136,7 +136,7 @@ def test_from_cell_to_program_and_from_log_to_calibration(page, tmp_path):
     page.uncheck("#trace")
     page.click("#identify")
     page.wait_for_selector("#report .big")
-    before = re.search(r"([\d.]+)\smm before", page.inner_text("#report h1"))
+    before = re.search(r"uncalibrated\s([\d.]+)\smm", page.inner_text("#report h1"))
     assert before
     assert float(page.inner_text("#report .big").split()[0]) < float(before[1])
     check_page(page, "calibration")

@@ -117,7 +117,7 @@ class BallFunnel(Funnel):
         "within the cable",
         "collision-free",
         "approached freely",
-        "with first contact within reach of the indicators, no singular position",
+        "met within reach of the indicators",
     )
     missed: ClassVar[str] = "the uncalibrated robot might meet the ball too far off, or not be steered in small steps"
 
