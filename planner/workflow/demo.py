@@ -12,6 +12,7 @@ from planner.common.progress import Progress, Stages, no_progress
 from planner.common.result import FolderResult
 from planner.common.summary import Fact, Summary
 from planner.common.units import to_mm
+from planner.effects.nonparametric import GEAR_CURVE
 from planner.motion.planning_packages import can_plan
 from planner.runs.writer import save_run
 from planner.session.planned_session import PLAN, PlannedSession, load_session
@@ -25,7 +26,7 @@ CELL = "comau-nj130/edbb"
 SHIPPED = "comau-nj130/plan/plan.json"  # the plan of CELL, for computers on which nobody can plan
 HIDDEN = "encoder once a turn"  # kind of the fault: an encoder out of centre
 ONLY_SHIPPED = "comes with edbb; packages of planning are not installed here: edbb plan says what to do"
-SIZES = (200.0, 400.0)  # [µrad] from the least to the largest: 0.2 to 0.4 mm at a metre
+SIZES = (500.0, 900.0)  # [µrad] from the least to the largest: 0.5 to 0.9 mm at a metre, more than a gear's errors
 SESSION, RUN, CALIBRATED = "session", "run.csv", "calibrated"
 
 
@@ -47,23 +48,26 @@ class DemoResult(FolderResult):
     hidden: tuple[str, str, float]
 
     @property
-    def _names(self) -> tuple[bool, bool]:
-        """Whether the fault is a finding, and whether it is a rival of one."""
+    def _names(self) -> tuple[bool, bool, bool]:
+        """Whether the fault is a finding, whether a curve over its joint is, and whether it is a rival of one."""
         kind, on, _ = self.hidden
         name, findings = f"{kind}, {on}", self.robot.calibration.findings
-        return any(name == f.name for c in findings for f in c.each), any(name in f.rivals for f in findings)
+        named = {f.name for c in findings for f in c.each}
+        return name in named, f"{GEAR_CURVE}, {on}" in named, any(name in f.rivals for f in findings)
 
     @property
     def is_found(self) -> bool:
-        """Tell whether the fault is among the findings, or a rival of one that this run cannot tell from it."""
+        """Tell whether the fault is among the findings, in a curve, or a rival that this run cannot tell from one."""
         return any(self._names)
 
     @property
     def verdict(self) -> str:
         """Say whether the fault was found."""
-        named, rival = self._names
+        named, curve, rival = self._names
         if named:
             return "the hidden fault was found"
+        if curve:
+            return f"the hidden fault is in the {GEAR_CURVE} of {self.hidden[1]}, which was found"
         return "the hidden fault is among the rivals of a finding" if rival else "the hidden fault was not found"
 
     @property
@@ -135,7 +139,8 @@ def demo(cell: str = CELL, poses: int | None = None, seed: int = 0, progress: Pr
     driven = load_session(session, "simulated") if isinstance(session, Path) else PlannedSession.of(session.plan)
     samples = planned_samples(driven.cell, driven.document, driven.courses)
     random = np.random.default_rng(seed)
-    joint, size = int(random.integers(2, driven.cell.robot.n_joints)), float(np.round(random.uniform(*SIZES)))
+    # joints that carry the arm: of others the tool tells less
+    joint, size = int(random.choice((2, 3))), float(np.round(random.uniform(*SIZES)))
     on = f"joint {joint}"
     truth = draw_expected_truth(driven.cell, seed, samples)
     fault = TruthEffectFile(kind=HIDDEN, on=on, value=size, unit="urad")

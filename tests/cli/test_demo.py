@@ -67,7 +67,7 @@ def test_the_demo_runs_to_its_end(tmp_path, seed):
     said = json.loads(done.stdout)
     assert said == json.loads((out / "demo.json").read_text())
     assert said["simulated"] is True
-    assert 200 <= said["hidden"]["size_urad"] <= 400
+    assert 500 <= said["hidden"]["size_urad"] <= 900
     (drawn,) = re.findall(r"^# truth: effects = \[(.*)\]$", (out / "run.csv").read_text(), re.MULTILINE)
     assert drawn.count("gear error curve") == 6  # the robot is one that the plan expects
     assert f'"{said["hidden"]["effect"]}", on = "{said["hidden"]["on"]}"' in drawn  # and has the fault
@@ -75,7 +75,7 @@ def test_the_demo_runs_to_its_end(tmp_path, seed):
     hidden = f"{said['hidden']['effect']}, {said['hidden']['on']}"
     each = [m for f in document["findings"] for m in f.get("members", [f])]
     names = [n for f in each for n in (f"{f['effect']}, {f['on']}", *f["rivals"])]
-    assert said["found"] == (hidden in names)
+    assert said["found"] == (hidden in names or f"gear error curve, {said['hidden']['on']}" in names)
     assert document["simulated"] is True
     assert document["known_anywhere_mm"] < document["release"]["nominal_anywhere_mm"]
 
