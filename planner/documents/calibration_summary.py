@@ -12,7 +12,7 @@ from planner.model.calibration_summary import CalibrationSummary, CauseLine, Nex
 from planner.model.finding import Finding, cause_text, percent
 from planner.model.identification_document import Release
 from planner.model.use_statement import ToolName, ToolUse, Use, UseAnswer
-from planner.model.use_text import TARGET, TOOLS, ask_for_tolerance, bound_text, share_text, targets_text
+from planner.model.use_text import TOOLS, ask_for_tolerance, bound_text, share_text, targets_text
 from planner.release.error_parts import drift_counts, misfit_counts
 from planner.release.suitability import judge_use
 
@@ -79,13 +79,13 @@ def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[UseAnswer
         return "not known", "Not known what this robot is good for", "The error over the workspace was not estimated."
     mine = _of_tool(use, tool)
     if use.tolerance is None or mine.answer is None:
-        why = ask_for_tolerance("--tolerance-mm, or tolerance_mm under [use] in the cell")
-        return "not known", targets_text(mine.targets_within, mine.targets_within_before), f"{why} {TARGET}"
+        why = ask_for_tolerance("--tolerance-mm")
+        return "not known", targets_text(mine.targets_within, mine.targets_within_before), why
     limit = f"{float(to_mm(use.tolerance)):g} mm"
     words = {"yes": "Good enough", "no": "Not good enough", "not known": "Not known whether it is good enough"}
     before = share_text(mine.share_before)
     share = f"{share_text(mine.share)} of targets are within {limit} with {TOOLS[tool]}, uncalibrated {before}"
-    return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}. {TARGET}"
+    return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}."
 
 
 def cause_lines(c: Calibration, before: float | None) -> Iterator[CauseLine]:

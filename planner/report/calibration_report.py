@@ -9,7 +9,7 @@ import planner.report.calibration_text as text
 from planner.common.units import to_deg, to_mm
 from planner.documents.calibration import Calibration, joint_zeros_text
 from planner.model.identification_document import Estimate, Metrics, Stage, error_size
-from planner.model.use_text import use_head, use_rows
+from planner.model.use_text import TARGET, use_head, use_rows
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.formatting import chance_text, decimals_of, in_mm
@@ -34,6 +34,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "summary": facts.summary,
         "title": f"Calibration of {c.setup.robot.title}",
         "about": _about_text(c),
+        "target": TARGET if facts.summary.figure else "",
         "problems": text.refusal_text(c),
         "proof": (*text.proof_text(facts), text.held_out_text(c), text.noise_text(c)),
         "use": _use(c),

@@ -106,6 +106,7 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
     x, y, z = (round(float(v)) for v in fixture)
     own = f"{stands} {name}".strip()
     length = gauge.length_text(visit.length)
+    listed = ", ".join(f"{n} {_vector(p * MM)}" for n, p in balls)
     return MountingDrawing(
         fixture=A,
         ball=B,
@@ -120,7 +121,7 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
         gauge=f"{gauge.noun} {length}" if attached else own,
         holder=f"{on_tool} at {_vector(holder)} mm of the flange",
         title=f"{own[:1].upper()}{own[1:]}, {on_tool} and flange from the side",
-        places=", ".join(f"{n} {_vector(p * MM)}" for n, p in balls) if len(balls) > 1 else "",
+        places=f"{stands.capitalize()}s in mm of the base: {listed}." if len(balls) > 1 else "",
     )
 
 
