@@ -85,6 +85,10 @@ def run_within(command: Sequence[str], seconds: float | None) -> tuple[int, bool
             return running.wait(seconds), False
         except subprocess.TimeoutExpired:
             running.send_signal(signal.SIGINT)
+        try:
+            return running.wait(60), True  # [s] in which pytest writes its report
+        except subprocess.TimeoutExpired:  # it ignores the signal, as what a shell starts in the background does
+            running.kill()
             return running.wait(), True
 
 

@@ -129,7 +129,7 @@ def test_a_simulated_run_is_identified(cell, run):
     said = fit_overview(found)
     assert any(" mrad  mean, largest " in text for key, text in said.details if key == "held out")
     assert dict(said.details)["stages"].startswith("held out, mrad ")
-    page = report_calibration(found).html()
+    page = report_calibration(found).html().replace("\u00a0", " ")
     assert re.search(r"Mean error of inclinations [0-9.]+ mrad → [0-9.]+ mrad", page)
     assert "fitted (mrad)" in page
     assert "error of a reading that the fit had not seen (mrad" in page

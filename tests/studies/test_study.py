@@ -34,7 +34,7 @@ def test_pictures_name_neither_date_nor_program(done):
 
 
 def test_the_page_names_robot_and_gauge_and_says_what_was_found(done):
-    page, basis = (done[0] / "report.html").read_text(), done[1].basis
+    page, basis = (done[0] / "report.html").read_text().replace("\u00a0", " "), done[1].basis
     assert f"robot {basis.cell.robot.name} · {basis.cell.gauge.describe(basis.cell)}" in page
     assert all(
         str(escape(line.split(maxsplit=1)[1][-40:])) in page for line in done[1].overview().text().splitlines()[1:]

@@ -26,7 +26,7 @@ def pruned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pruned")
     path = small_cell("comau-nj130/paper", folder, *FEW)
     with quick_search():
-        done = edbb("plan", path, "--as-published", "--poses", 30, "-o", folder / "out")
+        done = edbb("plan", path, "--as-published", "--poses", 30, "-o", folder / "out", "-v")
     assert done.returncode == 0, done.stderr
     return path, folder / "out", done.stdout + done.screen
 

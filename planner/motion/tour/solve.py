@@ -28,7 +28,6 @@ from planner.common.errors import InputError, MissingProgramError, NoSolutionErr
 from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.system import kill_group, start_in_own_group
 from planner.common.units import Array, IntArray
-from planner.motion.tour.exact import initial_search, solve_instance
 from planner.motion.tour.instance import TourInstance, build_instance
 
 TIMEOUT_S = 120.0  # [s] for one solve; 500 poses take it about 5 s
@@ -267,6 +266,8 @@ class _TourRequest:
 
     def by_search(self) -> Tour:
         """Solve by the embedded solver, from Concorde's tour on where that is wanted and possible."""
+        from planner.motion.tour.exact import initial_search, solve_instance  # highspy is for plans alone
+
         instance = build_instance(self.cost_s, self.forbidden)
         search = initial_search(instance, self.seed, self.limit)
         announced, notes = self._ask_concorde(instance, instance.length(search.tour))

@@ -134,7 +134,7 @@ def folder(lines, pattern, tmp_path_factory):
 @pytest.fixture(scope="module")
 def imported(folder):
     words = (folder / "angles.csv", "--images", folder / "images", "--board", folder / "board.toml")
-    done = edbb("import", *words, "-o", folder / "run.csv")
+    done = edbb("import", *words, "-o", folder / "run.csv", "-v")
     assert done.returncode == 0, done.stderr
     return " ".join(done.screen.split())
 

@@ -7,12 +7,13 @@ import pytest
 
 import planner.effects.basis as basis
 from planner import effects as effects
+from planner import gauges as gauges
 from planner.common.errors import InputError
 from planner.effects.free_laws import LegendreOf
 from planner.effects.phi_keys import is_static, key_patterns, needs_loads, phi_from_key
 from planner.gauges import vision as vision
 
-ROOMS = (("planner.effects", effects), ("planner.gauges.vision", vision))
+ROOMS = (("planner.effects", effects), ("planner.gauges", gauges), ("planner.gauges.vision", vision))
 MODULES = [import_module(f"{name}.{m.name}") for name, room in ROOMS for m in pkgutil.iter_modules(room.__path__)]
 
 
