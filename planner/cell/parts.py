@@ -95,6 +95,11 @@ class Fixture:
     turn: float = np.inf
     set_up: SetUp = "measured"
 
+    @property
+    def room(self) -> float:
+        """How far from its place it may stand [m]: two standard deviations, for which a plan keeps room."""
+        return 2 * self.prior
+
 
 @dataclass(frozen=True)
 class IndicatorHead:

@@ -23,7 +23,7 @@ def mounting_steps(plan: Plan) -> list[str]:
     noun, fixtures = cell.gauge.noun, dict.fromkeys(d.mounting.fixture for d in plan.drives)
     steps = [
         f"Set up fixture {cell.fixtures[k].name or 'A'}: the {noun}'s end at {_vector(cell.fixtures[k].p_BX)} mm of "
-        "the base. Within 10 mm is near enough."
+        f"the base. Within {to_mm(cell.fixtures[k].room):g} mm is near enough."
         for k in fixtures
     ]
     points = dict.fromkeys(d.mounting.point for d in plan.drives)

@@ -94,10 +94,16 @@ def _drive_text(plan: Plan) -> str:
 
 
 def _first_drive_text(plan: Plan) -> str:
-    """Say that this robot may come nearer than was proven, where it may be farther off than the path is clear."""
-    if plan.targets is None or plan.targets.before < min(d.clearance for d in plan.drives):
+    """Say that the first drive may collide, where robot and fixture may be farther off than the path is clear."""
+    if plan.targets is None:
         return ""
-    return f" Uncalibrated, it may be {bound_text(plan.targets.before)} elsewhere: drive slowly the first time."
+    off = plan.targets.before + max((f.room for f in plan.cell.fixtures), default=0.0)
+    if off < min(d.clearance for d in plan.drives):
+        return ""
+    return (
+        f" Uncalibrated, robot and fixture may be off by {bound_text(off)}: the first drive may collide. Drive it "
+        "slowly, with a hand on the stop."
+    )
 
 
 def _cell_name(plan: Plan) -> str:

@@ -11,6 +11,7 @@ from planner.session.document import read_plan
 from planner.session.movable_cell import cell_files
 from planner.session.planned_session import load_session
 from planner.workflow.demo import CELL, SHIPPED
+from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan
 from tests.command import edbb
 from tests.not_everywhere import require_planning
@@ -30,7 +31,9 @@ def test_the_shipped_plan_is_of_the_shipped_cell():
 @pytest.mark.long
 def test_the_shipped_plan_is_as_good_as_one_of_today():
     require_planning()
-    shipped, made = read_plan(READY), plan(CELL).document()
+    result = plan(CELL)
+    assert isinstance(result, PlanResult)
+    shipped, made = read_plan(READY), result.document()
     assert len(shipped.poses) == len(made.poses)
     assert shipped.parameters == made.parameters
     assert shipped.foresight.error_mm == pytest.approx(made.foresight.error_mm, rel=0.05)

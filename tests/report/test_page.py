@@ -129,10 +129,10 @@ def test_a_plan_says_first_whether_it_is_good_enough(
 def test_a_robot_that_may_be_farther_off_than_its_path_is_clear_is_driven_slowly_first(
     plan: Plan, before: float
 ) -> None:
-    clear = min(d.clearance for d in plan.drives)
+    clear, room = min(d.clearance for d in plan.drives), 2 * max(f.prior for f in plan.cell.fixtures)
     content = report_plan(replace(plan, targets=TargetForecast(before, 8.1e-4, None, 0.0))).content
-    said = " Uncalibrated, it may be 56 mm elsewhere: drive slowly the first time."
-    assert (said in str(content["drive"])) == (before > clear)
+    said = "the first drive may collide. Drive it slowly, with a hand on the stop."
+    assert (said in str(content["drive"])) == (before + room > clear)
 
 
 def test_head_says_plan_cell_and_notes(plan: Plan, page: ReadPage) -> None:
