@@ -126,7 +126,7 @@ def test_the_screen_is_short_lines_of_one_fact(identified):
     text = " ".join(facts)
     for said in (
         "verdict     95 of 100 targets within",
-        "with the measured tool point; with any other tool",
+        "; with any other tool",
         "found       Lengths and angles of the arm",
     ):
         assert said in text
