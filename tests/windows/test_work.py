@@ -155,7 +155,9 @@ def test_the_demo_walks_from_the_shipped_plan(wine, folders):
     done = edbb_without("demo", "--no-open", cwd=here)
     assert done.returncode == 0, done.stderr
     assert results(there) == results(here)
-    assert (there / "demo" / "run.csv").read_bytes() == (here / "demo" / "run.csv").read_bytes()
+    runs = [(f / "demo" / "run.csv").read_text("utf-8") for f in (there, here)]
+    numbers = [np.array(re.findall(r"-?\d+\.\d+", run), dtype=float) for run in runs]
+    np.testing.assert_allclose(*numbers, atol=2e-6)  # the last digit of a reading
     assert list(differences(*(document(f / "demo") for f in (there, here)))) == []
 
 
