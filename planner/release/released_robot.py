@@ -173,12 +173,12 @@ class ReleasedRobot:
 
     def _motion_of(self, where: ToolMap) -> "_DrawnMotion":
         """Return how the drawn robots move a tool; computed once."""
-        if id(where) not in self._known_motions:
-            self._known_motions[id(where)] = self._move(where)
-        return self._known_motions[id(where)]
+        if where not in self._known_motions:
+            self._known_motions[where] = self._move(where)
+        return self._known_motions[where]
 
     @cached_property
-    def _known_motions(self) -> dict[int, "_DrawnMotion"]:
+    def _known_motions(self) -> dict[ToolMap, "_DrawnMotion"]:
         return {}
 
     def _move(self, where: ToolMap, without: Collection[str] = ()) -> "_DrawnMotion":

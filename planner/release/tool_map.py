@@ -22,7 +22,7 @@ from planner.model.tool_error import aligned_rows, samples_like, tool_position, 
 from planner.runs.run import Run
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ToolMap:
     """The tool's motion at states of the workspace, a new alignment of the base left out.
 
