@@ -11,9 +11,7 @@ import pytest
 
 from tests.browser import Browser, require_browser
 from tests.processors import keep_to_one
-from tests.unprinted import leave_out_pictures
 
-leave_out_pictures()
 keep_to_one(os.environ.get("PYTEST_XDIST_WORKER", ""))  # before numpy is imported
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # hundreds of processes are started: compiled once, not in each
 sys.dont_write_bytecode = False

@@ -107,6 +107,7 @@ def test_an_unknown_name_is_told():
         _ = planner.plann
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "unused"),
     [("import planner", {*HEAVY, *USED, "numpy", "scipy"}), ("from planner import identify", HEAVY)],

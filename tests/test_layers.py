@@ -81,6 +81,7 @@ def test_the_table_of_rooms_is_as_it_is_generated():
     assert page.count("\n") <= 120, "a page of architecture that is read in ten minutes"
 
 
+@pytest.mark.slow
 def test_imports_point_down():
     wrong = []
     for path in ROOT.rglob("*.py"):
@@ -104,6 +105,7 @@ def imports_of(path):
             yield file
 
 
+@pytest.mark.slow
 def test_no_files_import_each_other():
     """Kahn's order: what is left, once files that import none of the rest are taken away, goes round in a circle."""
     left = {path: set(imports_of(path)) for path in ROOT.rglob("*.py") if path.name != "__init__.py"}
@@ -128,6 +130,7 @@ def test_each_protocol_of_a_gauge_is_small(protocol):
     assert not vague
 
 
+@pytest.mark.slow
 def test_no_import_goes_past_the_public_modules_of_a_room():
     public, used, wrong = public_modules(), set(), []
     assert {folder[0] for folder in public} == set(ORDER), "every room lists its public modules"
@@ -229,7 +232,7 @@ def test_no_room_prints_or_exits():
 
 OF_THE_PROCESS = {  # what a process keeps beside its results; ARCHITECTURE.md says why it is not handed down
     "common/files.py: INPUTS", "kinematics/packages.py: COMMAND_PACKAGES",  # files that it may read, packages of ROS
-    "report/standby.py: _standing_by", "common/second_process.py: _inside",  # that it has, or is, a second process
+    "common/second_process.py: _inside",  # that it is a second process
     "service/callers.py: CALLER", "service/rendering.py: ROOT", "service/job_api.py: STREAMS",  # requests under way
 }  # fmt: skip
 REGISTERED = {  # what modules register when they are imported

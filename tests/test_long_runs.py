@@ -10,6 +10,7 @@ from tests.long_runs import ORDER, RUNS, LongRun, failed_files, in_order, rooms_
 MANY = [LongRun(f"tests/{room}/test_{k}.py", f"2026-01-0{1 + k}", "", "60") for room in ORDER for k in range(5)]
 
 
+@pytest.mark.slow
 def test_what_waited_longest_is_first_then_the_room_that_changed_then_those_above():
     order = in_order(MANY, {"tracing"}, "a commit")
     due = order[: len(MANY) // RUNS + 1]

@@ -67,6 +67,7 @@ def has_reason(lines, node):
     return below.startswith('"""') or above.startswith("#")
 
 
+@pytest.mark.slow
 def test_numbers_of_modules_are_few():
     count = sum(len(names) for p in ROOT.rglob("*.py") for _, names in numbers_of(p.read_text()))
     assert count <= MOST_NUMBERS, f"{count} numbers: one that is used once stands where it is used, with its reason"

@@ -66,11 +66,13 @@ def _imported(path):
             yield str(node.module).partition(".")[0]
 
 
+@pytest.mark.slow
 def test_one_file_names_the_packages_of_planning():
     naming = {p.name for p in ROOT.rglob("*.py") if PACKAGES & set(_imported(p))}
     assert naming == {DOOR}
 
 
+@pytest.mark.slow
 def test_no_module_loads_a_package_of_planning():
     code = (
         "import sys, pkgutil, planner; from importlib import import_module\n"
@@ -82,6 +84,7 @@ def test_no_module_loads_a_package_of_planning():
     assert done.stdout.split() == ["loaded:"]
 
 
+@pytest.mark.slow
 def test_planning_without_its_packages_says_in_one_sentence_where_it_can_be_done(tmp_path):
     commands = (
         ["plan", "ur10/edbb"], ["study", "ur10/edbb"], ["plan-check", "ur10/edbb", "--model", "b"],
@@ -182,6 +185,7 @@ def planned(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_plan_as_it_was_proven_is_exported_without_engines_and_its_program_says_so(planned, without_packages):
     made = export(planned, dialect="krl", name="a")
     (note,) = made.notes

@@ -29,6 +29,7 @@ def registered():
     positions_in.cache_clear()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("registered")
 def test_the_notebook_runs_each_definition_twice_and_ends_in_a_figure(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -59,6 +59,7 @@ def looks_outside(text, path):
             yield f"{path}:{getattr(node, 'lineno', 0)}: {ast.unparse(node)}"
 
 
+@pytest.mark.slow
 def test_no_file_of_the_tests_looks_outside_the_repository():
     mine = Path(__file__)
     assert len(FILES) > 400

@@ -5,7 +5,6 @@ Where a command writes when nobody names a place: a new folder or file, named af
 
 import re
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
 from inspect import Parameter, Signature, getdoc
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -16,7 +15,6 @@ from typer.models import ArgumentInfo
 from planner.cli.terminal import PLAINLY, Json, Manner, OptionalOutput, Output, give
 from planner.common.calls import Call, CallField, find_function, typed_fields
 from planner.common.errors import PARTLY_DONE
-from planner.report.standby import stand_by
 
 NAMED_BY_COMMAND = re.compile(r"^(plan|simulate|measure|centre|import|identify|check|plan-check)-(?=\w)")
 FILES_BY_ROLE = {"plan", "cell", "run", "robot", "identification"}  # these names say nothing: the folder's name does
@@ -132,10 +130,9 @@ def folder_command(call: type[Call]) -> Callable[..., None]:
 
     def work(values: Values, output: Any, as_json: bool, manner: Manner) -> None:
         """Give the result of the declared function, written into a folder."""
-        with stand_by() if call.draws else nullcontext():
-            result = give(
-                lambda stages: find_function(call)(**values, progress=stages.say), output, as_json, call.starts, manner
-            )
+        result = give(
+            lambda stages: find_function(call)(**values, progress=stages.say), output, as_json, call.starts, manner
+        )
         if result.cut_short:
             raise typer.Exit(PARTLY_DONE)
 

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from planner.cli.terminal import PLAINLY, Json, Manner, OptionalOutput, give
-from planner.report.standby import stand_by
 
 DEMO_STARTS = {
     "candidates": 0.0, "roadmap": 0.05, "foresight": 0.1, "selection": 0.15, "path": 0.2, "programs": 0.3,
@@ -41,8 +40,7 @@ def demo_command(
     from planner.workflow.demo import CALIBRATED, demo  # numbers and planning: the help is quicker without
 
     folder = FOLDER if output is None else output
-    with stand_by():
-        give(lambda stages: demo(cell, poses, seed, stages.say), folder, as_json, DEMO_STARTS, manner)
+    give(lambda stages: demo(cell, poses, seed, stages.say), folder, as_json, DEMO_STARTS, manner)
     page = folder / CALIBRATED / "report.html"
     if not no_open and has_display() and page.is_file():
         webbrowser.open(page.resolve().as_uri())

@@ -102,8 +102,6 @@ class Call:
     """Whether its result is always written, not only where a folder is named for it."""
     starts: ClassVar[Mapping[str, float]] = MappingProxyType({})
     """Share of the command's time at which each of its stages usually begins."""
-    draws: ClassVar[bool] = False
-    """Whether its pictures are drawn by a process that stands by from the start."""
 
 
 LANGUAGE = "^[a-z0-9-]{1,40}$"  # name of a robot language

@@ -1,4 +1,4 @@
-"""The report of a calibration: one page that needs nothing else, and a PNG of each chart."""
+"""The report of a calibration: one page that needs nothing else."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,7 +21,7 @@ def report_calibration(calibration: Calibration) -> Report:
     facts = CalibrationFacts(calibration)
     charts = draw_calibration_charts(facts)
     content = calibration_content(facts) | {"shown": charts, "picture": charts.picture[0]}
-    return Report("calibration.html.j2", content, charts.every, small_pictures=True)
+    return Report("calibration.html.j2", content, charts.every)
 
 
 def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:

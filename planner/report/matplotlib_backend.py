@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from PIL import Image
 
+from planner.common.errors import InputError
 from planner.common.result import Plot
 from planner.report.chart import (
     BLUE,
@@ -71,15 +72,27 @@ def figure_png(figure: Figure, small: bool = False) -> bytes:
     return reduced.getvalue()
 
 
-def chart_png(chart: Chart, small: bool = False) -> bytes:
+def chart_png(chart: Chart) -> bytes:
     """Return the PNG of a chart: panels in rows."""
     with print_style():
-        return figure_png(chart_figure(chart), small)
+        return figure_png(chart_figure(chart))
 
 
-def chart_plot(chart: Chart, small: bool = False) -> Plot:
+def chart_plot(chart: Chart) -> Plot:
     """Return the plot of a chart, whose figure a person may go on with."""
-    return Plot(chart.name, chart_png(chart, small), partial(chart_figure, chart))
+    return Plot(chart.name, chart_png(chart), partial(chart_figure, chart))
+
+
+def find_plot(charts: Sequence[Chart], name: str) -> Plot:
+    """Return the plot of the chart of that name.
+
+    Raises:
+        InputError: no such chart.
+    """
+    found = {chart.name: chart for chart in charts}
+    if name not in found:
+        raise InputError(f"no chart '{name}' (there: {', '.join(found)})")
+    return chart_plot(found[name])
 
 
 def chart_figure(chart: Chart) -> Figure:

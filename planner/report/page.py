@@ -1,12 +1,10 @@
-"""Reports: one page that needs nothing else, a PNG of each of its charts, and the page of a study."""
+"""Reports: one page that needs nothing else, and the page of a study."""
 
 import gzip
-import pickle
 import re
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
 from html import escape
 from pathlib import Path
 
@@ -14,15 +12,13 @@ import jinja2
 
 from planner import __version__
 from planner.cell.cell import Cell
-from planner.common.files import write_bytes, write_text
+from planner.common.files import write_text
 from planner.common.result import NOT_MEASURED
-from planner.common.second_process import ForkedTask
 from planner.common.units import to_deg, to_mm
 from planner.report.cell_view import CellView
 from planner.report.chart import Chart
 from planner.report.formatting import count_text, digits, duration_text
 from planner.report.scene import pack_scene
-from planner.report.standby import Pictures, draw_pictures, drawing_process
 from planner.report.svg_backend import chart_html
 
 Row = tuple[str, ...]
@@ -66,14 +62,13 @@ ENVIRONMENT.finalize = _keep_units
 
 @dataclass(frozen=True)
 class Report:
-    """A page and its pictures; the same contents give the same bytes.
+    """A page with its charts; the same contents give the same bytes.
 
     Attributes:
         template: of the page, in the folder of templates.
         content: what the template shows beside the charts.
-        charts: in the order of the files.
+        charts: in any order; the template shows each once.
         view: the cell in space, where the page shows it.
-        small_pictures: whether PNGs have a palette of few colours, a third of the size.
         identity: the robot, the gauge; the page's head names them. Its date is that of the file, told by the browser:
             a page holds none.
         simulated: whether nobody measured what it shows, which it then says across every sheet.
@@ -84,7 +79,6 @@ class Report:
     content: Mapping[str, object]
     charts: tuple[Chart, ...]
     view: CellView | None = None
-    small_pictures: bool = False
     identity: tuple[str, ...] = ()
     simulated: bool = False
     hand_edits: tuple[str, ...] = ()
@@ -95,36 +89,6 @@ class Report:
         edits = tuple(edit.remark for edit in cell.robot.hand_edits)
         return replace(self, identity=identity, simulated=simulated, hand_edits=edits)
 
-    @cached_property
-    def pngs(self) -> Pictures:
-        """Every picture for print, name → bytes."""
-        if process := drawing_process():
-            return process.result(self._to_draw)
-        drawn = {name: png for part in self._drawing for name, png in part.result().items()}
-        return {p.name: drawn[p.name] for p in self._pictures}
-
-    @property
-    def _pictures(self) -> tuple[Chart | CellView, ...]:
-        return (*(() if self.view is None else (self.view,)), *self.charts)
-
-    def draw_beside(self) -> None:
-        """Begin to draw the pictures beside what follows."""
-        if process := drawing_process():
-            process.begin(self._to_draw)
-        else:
-            _ = self._drawing
-
-    @cached_property
-    def _to_draw(self) -> bytes:
-        return pickle.dumps((self._pictures, self.small_pictures))
-
-    @cached_property
-    def _drawing(self) -> tuple[ForkedTask[Pictures], ...]:
-        every, small = self._pictures, self.small_pictures
-        # 6: pictures that two copies of the process draw: each begins by importing matplotlib
-        parts = 2 if len(every) >= 6 else 1  # the caller soon has nothing to do but wait for them
-        return tuple(ForkedTask(partial(draw_pictures, every[k::parts], small)) for k in range(parts))
-
     def html(self) -> str:
         """Return the page.
 
@@ -132,7 +96,6 @@ class Report:
             KeyError: its template shows a picture twice.
             ValueError: its template does not show every picture.
         """
-        self.draw_beside()
         left = {c.name: chart_html(c) for c in self.charts}
         page = ENVIRONMENT.get_template(self.template).render(
             **self.content,
@@ -149,30 +112,35 @@ class Report:
             raise ValueError(f"{self.template} does not show {', '.join(left)}")
         return page
 
-    def write(self, folder: Path) -> list[Path]:
-        """Write ``report.html`` into an existing folder, and the pictures into ``folder/pictures``.
-
-        Returns:
-            What was written, the page first.
+    def write(self, folder: Path) -> None:
+        """Write ``report.html`` into an existing folder.
 
         Raises:
             InputError: the folder does not exist, or may not be written.
         """
         write_text(folder / "report.html", self.html())
-        (folder / "pictures").mkdir(exist_ok=True)
-        paths = [folder / "report.html"]
-        for name, data in self.pngs.items():
-            paths.append(folder / "pictures" / f"{name}.png")
-            write_bytes(paths[-1], data)
-        return paths
 
 
 def embed_report(html: str) -> str:
-    """Return a report as part of another page: a shadow root, whose style is its own; nothing of it runs."""
-    style = "".join(re.findall(r"<style>(.*?)</style>", html, re.DOTALL))
+    """Return a report as part of another page; nothing of it runs."""
     body = re.sub(r"<script.*?</script>", "", html.partition("<body")[2].partition(">")[2], flags=re.DOTALL)
-    inside = f'<style>{style} .page {{ padding: 0; max-width: none; }}</style><div class="page">{body}</div>'
-    return f'<template shadowrootmode="open">{inside.replace("</body>", "").replace("</html>", "")}</template>'
+    return _shadow_root(html, body.replace("</body>", "").replace("</html>", ""))
+
+
+def embed_charts(*reports: str) -> str:
+    """Return the charts of a report as part of another page; of two reports those of the same name side by side."""
+    figure = re.compile(r'<figure class="chart" id="(\w+)" aria-label="(.*?)">.*?</figure>', re.DOTALL)
+    charts = [{m[1]: m for m in figure.finditer(html)} for html in reports]
+    rows = [[c[name] for c in charts] for name in charts[0] if all(name in c for c in charts)] if charts else []
+    sections = (f"<section><h3>{m[2]}</h3>{m[0]}</section>" for row in rows for m in row)
+    return _shadow_root(reports[0], f'<div class="pairs">{"".join(sections)}</div>') if rows else ""
+
+
+def _shadow_root(html: str, inside: str) -> str:
+    """Return a part of a report with that report's style, which reaches nothing of the page around it."""
+    style = "".join(re.findall(r"<style>(.*?)</style>", html, re.DOTALL))
+    shown = f'<style>{style} .page {{ padding: 0; max-width: none; }}</style><div class="page">{inside}</div>'
+    return f'<template shadowrootmode="open">{shown}</template>'
 
 
 def _view_scripts() -> dict[str, str]:

@@ -34,7 +34,7 @@ EverySystem = AfterValidator(_check_parts)
 NAME = r"[A-Za-z0-9_]([A-Za-z0-9._+-]{0,98}[A-Za-z0-9_+-])?"  # Windows drops a dot at the end
 FileName = Annotated[str, Field(pattern=f"^{NAME}$", examples=["run.csv"]), EverySystem]
 FilePath = Annotated[str, Field(pattern=f"^({NAME}/){{0,4}}{NAME}$", examples=["a1/run.csv"]), EverySystem]
-NOT_NEEDED = ("pictures/", "report.html", "residuals.csv", "printed", "log", "timings.json", "manifest.json")
+NOT_NEEDED = ("report.html", "residuals.csv", "printed", "log", "timings.json", "manifest.json")
 
 
 class FileReference(StrictModel):

@@ -1,8 +1,5 @@
 """What the pages of finished jobs say: numbers out of the documents that the commands have written."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
 from planner.checks.record import DOCUMENTS
 from planner.circular.document import CircularDocument
 from planner.common.schema import PartialModel, read_json
@@ -16,24 +13,6 @@ from planner.service.job_api import output_path
 from planner.session.document import PlanDocument, PlanHeader
 
 HIDDEN = ("log", "printed", "manifest.json", "timings.json")
-CAPTIONS = {  # of the pictures that reports have
-    "index_curve": "Observability against the number of poses",
-    "foresight": "Error to be expected against the number of poses",
-    "funnel": "Candidates that are left after each check",
-    "parameters": "How surely each parameter will be known",
-    "tour": "Order of the poses",
-    "joints": "Joint angles over time",
-    "bar": "Length of the bar over time",
-    "speeds": "Speeds of the axes over time",
-}
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A picture that a job has written."""
-
-    url: str
-    caption: str
 
 
 class ForeseenChange(PartialModel):
@@ -80,16 +59,8 @@ def is_simulated(context: ServiceContext, job: Job) -> bool:
 
 
 def visible_files(job: Job) -> list[OutputFile]:
-    """Return the files that a page lists: those for people, without pictures and the machine's notes."""
-    return [f for f in job.files if f.name not in HIDDEN and not f.name.startswith("pictures/")]
-
-
-def pictures(job: Job) -> list[Picture]:
-    """Return the pictures of a job's report."""
-    found = [f for f in job.files if f.name.endswith(".png") and Path(f.name).stem != "view"]
-    order = list(CAPTIONS.values())
-    shown = [Picture(f.url, _caption(Path(f.name).stem)) for f in found]
-    return sorted(shown, key=lambda p: order.index(p.caption) if p.caption in order else len(order))
+    """Return the files that a page lists: those for people, without the machine's notes."""
+    return [f for f in job.files if f.name not in HIDDEN]
 
 
 AnyPlan = PlanDocument | CircularDocument
@@ -132,11 +103,6 @@ def _what_it_tells(plan: PlanDocument) -> list[tuple[str, str]]:
     elif e is not None and e.error_mm is not None:
         rows.append(("error to be expected", f"{_digits(e.error_mm)} mm"))
     return rows
-
-
-def _caption(stem: str) -> str:
-    base = stem.rstrip("0123456789").rstrip("_")
-    return CAPTIONS.get(stem) or CAPTIONS.get(base) or stem.replace("_", " ").capitalize()
 
 
 def _digits(value: object) -> str:

@@ -22,7 +22,7 @@ from planner.common.files import read_utf8
 from planner.common.schema import read_json
 from planner.documents.baseline import NAME as BASELINE
 from planner.model.identification_document import Identification
-from planner.report.page import embed_report
+from planner.report.page import embed_charts, embed_report
 from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext, at_one_moment
 from planner.service.declared_request import typed_options
@@ -37,7 +37,6 @@ from planner.service.page_content import (
     CheckForecastFile,
     correction_text,
     is_simulated,
-    pictures,
     plan_facts,
     read_plan_document,
     visible_files,
@@ -147,7 +146,7 @@ def _show_any(context: ServiceContext, job: Job) -> HTMLResponse:
     files = visible_files(job)
     report = any(f.name == "report.html" for f in files)
     shown = {"report": report, **_record_form(context, job)}
-    return render("job", job=job, files=files, pictures=pictures(job), **shown)
+    return _with_charts(render("job", job=job, files=files, charts=_charts(context, job), **shown))
 
 
 def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
@@ -158,12 +157,12 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
     check = None
     if job.kind == "check-plan" and plan:
         check = CheckForecastFile.model_validate(read_json(output_path(context, job.id, "shows.json")))
-    return render(
+    page = render(
         "plan",
         job=job,
         files=[f for f in files if f.name not in names],
         programs=[f for f in files if f.name in names],
-        pictures=pictures(job),
+        charts=_charts(context, job),
         report=any(f.name == "report.html" for f in files),
         facts=plan_facts(plan, job.kind == "check-plan") if plan else [],
         notes=list(dict.fromkeys(plan.notes)) if plan else (),
@@ -174,6 +173,19 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
         dialects=dialect_entries(),
         others=[o for o in _plans(context, job.kind) if o.id != job.id],
     )
+    return _with_charts(page)
+
+
+def _charts(context: ServiceContext, *jobs: Job) -> str:
+    """Return the charts of a job's report, or those that two reports have in common."""
+    pages = [context.files.path(f.sha256) for job in jobs for f in job.files if f.name == "report.html"]
+    return embed_charts(*map(read_utf8, pages)) if len(pages) == len(jobs) else ""
+
+
+def _with_charts(page: HTMLResponse) -> HTMLResponse:
+    """Let a page show charts of a report, which have styles of their own."""
+    page.headers["content-security-policy"] = EMBEDDING_POLICY
+    return page
 
 
 def _show_calibration(context: ServiceContext, job: Job) -> HTMLResponse:
@@ -187,9 +199,7 @@ def _show_calibration(context: ServiceContext, job: Job) -> HTMLResponse:
     baseline = BASELINE in outputs
     checks = [c for c in _plans(context, "check-plan") if find_calibration(context, c.id) == job.id] if baseline else []
     shown |= {"baseline": baseline, "checks": checks, "files": visible_files(job), **_record_form(context, job)}
-    page = render("calibration", job=job, **shown)
-    page.headers["content-security-policy"] = EMBEDDING_POLICY
-    return page
+    return _with_charts(render("calibration", job=job, **shown))
 
 
 @PAGES.get("/compare")
@@ -204,9 +214,7 @@ def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse
     names = list(dict.fromkeys(what for each in facts for what, _ in each))
     rows = [(what, [[v for w, v in each if w == what] for each in facts]) for what in names]
     rows.append(("to know", [list(dict.fromkeys(p.notes)) for p in plans]))
-    charts = [{p.caption: p for p in pictures(j)} for j in jobs]
-    pairs = [[c[caption] for c in charts] for caption in charts[0] if caption in charts[1]]
-    return render("compare", plans=jobs, rows=rows, pictures=pairs)
+    return _with_charts(render("compare", plans=jobs, rows=rows, charts=_charts(context, *jobs)))
 
 
 @PAGES.get("/calibrate")

@@ -168,12 +168,8 @@ class Session(Protocol[P]):
 
 
 @on_one_thread
-def plan_session(
-    session: Session[P], options: PlanOptions, stages: Stages, driven: Callable[[P], object] | None = None
-) -> P:
+def plan_session(session: Session[P], options: PlanOptions, stages: Stages) -> P:
     """Plan a measuring session: everything that is driven, its id, its programs.
-
-    ``driven`` is called with the plan that lacks id and programs yet.
 
     Raises:
         InputError: the cell or an option is wrong.
@@ -182,8 +178,6 @@ def plan_session(
     dialects = settle_dialects(session.cell, options)
     bare = session.drive(stages)
     with stages.stage("programs"):
-        if driven:
-            driven(bare)
         bare = replace(bare, notes=(*bare.notes, *stages.limit.notes))
         return with_programs(replace(bare, plan_id=content_hash(session.record(bare), bare.cell)), dialects)
 

@@ -19,6 +19,7 @@ from planner.common.result import FolderResult, Plot
 from planner.common.summary import Summary
 from planner.design.observability.information import find_rule
 from planner.motion.planning_packages import require_planning_packages
+from planner.report.matplotlib_backend import find_plot
 from planner.report.page import Report, report_overview
 from planner.studies.basis import compute_basis
 from planner.studies.fixture_count import count_fixtures
@@ -36,12 +37,11 @@ from planner.studies.summary import TABLES, StudySummary
 
 CHARTS = (draw_fixtures, draw_identifiability, draw_curves, draw_sensitivity)
 MAP, PAGE = "fixture_map.png", "report.html"
-PICTURES = ("fixtures_needed.png", "identifiability.png", "index_curve.png", "sensitivity.png")
-NAMES = tuple(sorted((*TABLES, MAP, *PICTURES, PAGE, "study.json")))
+NAMES = tuple(sorted((*TABLES, MAP, PAGE, "study.json")))
 FILES = (
     ("study.json", "all findings for a program"),
     ("*.csv", "the table behind each picture, and correlation.csv, spectrum.csv, unseen.csv"),
-    ("*.png", "the pictures, for print"),
+    (MAP, "the first picture"),
 )
 
 
@@ -88,9 +88,7 @@ class StudyResult(FolderResult):
         self.progress("pictures", 0, 0)
         with threadpool_limits(1, user_api="blas"):
             files = {name: table(self.findings).encode() for name, table in TABLES.items()}
-            page = self._report()
-            files |= {f"{name}.png": png for name, png in page.pngs.items()} | {MAP: self._map}
-        files[PAGE] = page.html().encode()
+            files |= {PAGE: self._report().html().encode(), MAP: self._map}
         for name, data in files.items():
             write_bytes(draft / name, data)
 
@@ -101,6 +99,14 @@ class StudyResult(FolderResult):
     def plot_fixture_map(self) -> Plot:
         """Return where a fixture shows how much."""
         return Plot("fixture_map", self._map, partial(map_figure, self.findings.places))
+
+    def plot(self, name: str) -> Plot:
+        """Return one of the report's charts by its name.
+
+        Raises:
+            InputError: no such chart.
+        """
+        return find_plot([draw(self.findings) for draw in CHARTS], name)
 
     @cached_property
     def _map(self) -> bytes:

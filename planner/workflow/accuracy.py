@@ -11,7 +11,7 @@ from planner.cell.cell import Cell
 from planner.common.calls import called_with
 from planner.common.console import as_word
 from planner.common.errors import InputError
-from planner.common.files import write_bytes, write_text
+from planner.common.files import write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
@@ -47,19 +47,17 @@ class AccuracyCheck(FolderResult):
         return self.found.run.simulated
 
     def fill(self, draft: Path) -> None:
-        """Write ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
+        """Write ``report.html`` and, of a validation, ``errors.csv``."""
         from planner.report.accuracy_report import report_accuracy  # plotting takes long to load
 
         with self.stages.stage("report"):
             for name, text in self.found.tables().items():
                 write_text(draft / name, text)
-            report = report_accuracy(self.cell.robot.title, self.found).with_identity(self.cell, self.simulated)
-            write_text(draft / "report.html", report.html())
-            write_bytes(draft / "accuracy.png", report.pngs["accuracy"])
+            report_accuracy(self.cell.robot.title, self.found).with_identity(self.cell, self.simulated).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
-        return ", ".join(["accuracy.json, accuracy.png, report.html", *self.found.tables()])
+        return ", ".join(["accuracy.json, report.html", *self.found.tables()])
 
     def next_step(self, folder: Path) -> str:
         """Say how it is kept."""

@@ -103,7 +103,6 @@ class PlanCall(PlanOptions, Call):
     group = "Plan"
     function = "planner.workflow.planning:plan"
     starts = PLAN_STAGES
-    draws = True
 
     cell: CellWord
     _: KW_ONLY

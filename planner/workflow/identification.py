@@ -15,7 +15,6 @@ from planner.cell.cell import Cell
 from planner.cell.fleet_file import read_fleet
 from planner.common.calls import called_with
 from planner.common.console import as_word
-from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot
@@ -246,12 +245,9 @@ class CalibrationResult(FitAccess, FolderResult):
         """
         from planner.report.calibration_charts import draw_calibration_charts
         from planner.report.calibration_data import CalibrationFacts
-        from planner.report.matplotlib_backend import chart_plot
+        from planner.report.matplotlib_backend import find_plot
 
-        charts = {chart.name: chart for chart in draw_calibration_charts(CalibrationFacts(self.calibration)).every}
-        if name not in charts:
-            raise InputError(f"no chart '{name}' (there: {', '.join(charts)})")
-        return chart_plot(charts[name], small=True)
+        return find_plot(draw_calibration_charts(CalibrationFacts(self.calibration)).every, name)
 
 
 @called_with(IdentifyCall)

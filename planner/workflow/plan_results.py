@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 def fill_plan(
     plan: SessionPlan, folder: Path, stages: Stages, report: Callable[[], Report], one_clock: bool = False
 ) -> None:
-    """Write programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json`` into a folder.
+    """Write programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, ``timings.json`` into a folder.
 
     Args:
         plan: what is driven.
@@ -59,7 +59,6 @@ def fill_plan(
     """
     with stages.stage("report"):
         page = report().with_identity(plan.cell)
-        page.draw_beside()
         for file in (file for _, files in plan.programs for file in files):
             write_text(folder / file.name, file.text, file.encoding)
         write_text(folder / "trajectory.csv", trajectory_csv(plan, one_clock))

@@ -20,8 +20,6 @@ from planner.next_session.remaining_errors import (
     places_in_region,
     places_of_program,
 )
-from planner.report.plan_report import report_plan
-from planner.report.standby import drawing_process
 from planner.session.as_published import follow_paper
 from planner.session.options import PlanOptions, check_point_options
 from planner.session.plan_record import PathNotProvenError
@@ -77,7 +75,7 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
         cell = leave_standing(cell, chooser.before)
     session = pose_session(options.in_motion(cell), options, chooser)
     session.notes += notes
-    return plan_session(session, options, stages, _begin_drawing)
+    return plan_session(session, options, stages)
 
 
 def _chooser(cell: Cell, options: PlanOptions) -> NextSessionChooser | None:
@@ -93,12 +91,6 @@ def _chooser(cell: Cell, options: PlanOptions) -> NextSessionChooser | None:
     elif options.program is not None:
         counts = places_of_program(Path(options.program), before.folder / ROBOT)
     return NextSessionChooser(before, options.poses, until, counts)
-
-
-def _begin_drawing(plan: Plan) -> None:
-    """Let a process that stands by draw the pictures while the programs are written."""
-    if drawing_process():
-        report_plan(plan).draw_beside()
 
 
 def pose_session(cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> PoseSession:

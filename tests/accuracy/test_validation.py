@@ -66,6 +66,7 @@ def test_without_the_place_that_was_found_the_base_counts_as_error(cell, run_fil
     assert any("identification.json is missing" in n for n in found.notes)
 
 
+@pytest.mark.slow
 def test_a_bars_calibration_is_placed_by_poses_that_nothing_is_judged_by(cell, run_file, tmp_path):
     """A bar knows nothing of nests, nor of the reflector; and it was measured with a lighter tool."""
     model = calibrated(tmp_path, "edbb")
@@ -79,6 +80,7 @@ def test_a_bars_calibration_is_placed_by_poses_that_nothing_is_judged_by(cell, r
     assert any("calibrated with a tool of 1.3 kg, judged with one of 6 kg" in n for n in found.notes)
 
 
+@pytest.mark.slow
 def test_a_calibration_by_the_tracker_itself_stands_by_its_own_frame(cell, run_file, tmp_path):
     found = judged(cell, run_file, calibrated(tmp_path, "tracker"))
     assert found.after.figures.mean < 20 * UM
@@ -109,6 +111,7 @@ def test_a_tracker_that_moved_between_its_nests_and_the_poses_is_not_hidden(cell
     assert found.after.figures.mean == pytest.approx(5e-4, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_the_floor_is_what_a_true_model_shows(cell):
     """Nests and points read with noise, over and over, by an arm without errors: the rms of what is seen."""
     q, noise, turn = poses(), 15e-6, np.diag([-1.0, -1.0, 1.0])
@@ -154,6 +157,7 @@ def test_what_cannot_be_judged_is_told(cell, run_file, tmp_path):
         judged(cell, twice)
 
 
+@pytest.mark.slow
 def test_exchanged_nests_are_noticed(cell, run_file, tmp_path):
     text = run_file.read_text()
     assert "nest_mm: N1" in text

@@ -21,6 +21,7 @@ def test_the_judge_tells_right_from_wrong():
     assert right(Effect("gauge-sag", 0), "gauge sag, gauge")
 
 
+@pytest.mark.slow
 def test_building_and_table_share_no_seed():
     for part in PARTS:
         building, kept = ({t.seed for t in tasks(part, 50, table)} for table in (False, True))

@@ -28,6 +28,7 @@ def test_angles_and_lengths_are_si_inside():
     assert cell.motion.tool_speed == pytest.approx(1.0 / 60)
 
 
+@pytest.mark.slow
 def test_thousands_of_obstacles_are_refused_in_a_sentence(tmp_path):
     """Every one of them would be judged by itself; what is wrong with thousands of keys is found in linear time."""
     one = '\n[[obstacles]]\nname = "b"\n{} = "box"\nsize_mm = [5, 5, 5]\nat_mm = [900, 0, 500]\n'

@@ -75,6 +75,7 @@ def test_two_fixtures_have_columns_of_their_own(tmp_path):
         np.testing.assert_allclose((J[pool.samples.place == f][:, columns] ** 2).sum(axis=1), 1.0)
 
 
+@pytest.mark.slow
 def test_noise_has_the_gauge_and_the_repeatability():
     cell = load_cell("comau-nj130/edbb")
     model = Model.from_cell(cell)

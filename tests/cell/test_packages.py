@@ -81,6 +81,7 @@ def test_robot_toml_names_them(folder):
         load_robot(folder / "robot.toml")
 
 
+@pytest.mark.slow
 def test_the_command_line_names_them_for_one_command(folder):
     path = folder / "cell.toml"
     path.write_text(CELL.format(""))

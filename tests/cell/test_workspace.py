@@ -21,6 +21,7 @@ def bounds_of(workspace, q, dq):
     return bounds.changes(dq[:, None], bounds.travel(q, dq[:, None])[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n if n in FIRST else pytest.param(n, marks=pytest.mark.long) for n in DRAWN])
 def test_no_margin_of_a_short_motion_changes_by_more_than_its_bound(name):
     cell = load_cell(name)

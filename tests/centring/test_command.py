@@ -38,6 +38,7 @@ def invoked(*command):
     return CliRunner().invoke(app, [str(w) for w in command], catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_a_session_with_ctrl_c_in_between(cell, tmp_path):
     made = cell(count=4, tilt=2.0, faults={"slow": 0.05})
     first = started(words(made, tmp_path, "--stop-file", tmp_path / "stop"))

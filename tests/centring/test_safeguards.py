@@ -39,6 +39,7 @@ def short(made):
     return np.abs(made.world.q_set - [goal[f"A{j}"] for j in range(1, 7)]).max()
 
 
+@pytest.mark.slow
 def test_dropped_bytes_do_no_harm(cell):
     made = cell(lose=0.02, tilt=2.0)
     made.run(settings(head={"timeout_s": 0.05, "tries": 12}))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import polars as pl
+import pytest
 
 from planner.runs.loader import load_run
 from tests.centring.conftest import OFFSETS, settings
@@ -18,6 +19,7 @@ def angles(table, stem="q"):
     return table.select([f"{stem}{j}_deg" for j in range(1, 7)]).to_numpy()
 
 
+@pytest.mark.slow
 def test_every_ball_is_centred_to_3_micrometres(cell):
     made = cell(tilt=2.0, noise=0.0003, landing=0.0008, ringing=0.05, seed=3)
     made.run()
@@ -35,6 +37,7 @@ def test_every_ball_is_centred_to_3_micrometres(cell):
     assert np.allclose(made.world.q_set, made.content["poses"][0]["q_deg"], atol=1e-5)  # it is back at home
 
 
+@pytest.mark.slow
 def test_a_model_that_counts_its_joints_otherwise_finds_the_same_balls(cell):
     """The controller counts with sense, zero and coupling: rows are the joints of the model."""
     axes = convention("krl")
@@ -47,6 +50,7 @@ def test_a_model_that_counts_its_joints_otherwise_finds_the_same_balls(cell):
     assert np.allclose(made.world.q_set, made.content["poses"][0]["q_deg"], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_larger_offset_takes_more_moves_and_none_is_larger_than_allowed(cell):
     made = cell()
     session = made.run()
@@ -73,6 +77,7 @@ def test_it_is_slow_only_where_tips_and_ball_touch(cell):
     assert made.controller.speeds == [1 if s else 10 for s in slow]
 
 
+@pytest.mark.slow
 def test_what_is_left_is_written_in_the_plates_axes(cell):
     made = cell(tilt=0.0, landing=0.02, seed=5)
     made.run(settings(moves={"tolerance_um": 60.0}, robot={"plate_rpy_deg": (10.0, -20.0, 30.0)}))
@@ -87,6 +92,7 @@ def test_what_is_left_is_written_in_the_plates_axes(cell):
         assert np.allclose(left, true, atol=3e-4)
 
 
+@pytest.mark.slow
 def test_read_and_commanded_angles_are_both_kept(cell):
     made = cell(landing=0.001, seed=2)
     made.run()

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from planner.cell.placement import Targets
 from planner.cell.reading import load_cell
@@ -15,6 +16,7 @@ from planner.runs.run import Samples
 from planner.simulation.truth import draw_expected_truth, draw_truth
 
 
+@pytest.mark.slow
 def test_balls_are_met_millimetres_off_and_centred_to_micrometres():
     whole = load_cell("kuka-kr6-r700/trical")
     cell = replace(whole, plan=replace(whole.plan, candidates=8))
@@ -39,6 +41,7 @@ def test_balls_are_met_millimetres_off_and_centred_to_micrometres():
     assert max(far) < 5e-3
 
 
+@pytest.mark.slow
 def test_after_any_steps_the_arm_stands_as_well_as_it_repeats_to():
     cell = load_cell("kuka-kr6-r700/trical")
     truth = draw_truth(cell, 1)

@@ -63,6 +63,7 @@ def stopped(bench, tmp_path_factory):
     return centred(bench, tmp_path_factory.mktemp("stopped"), 0.2e-3)
 
 
+@pytest.mark.slow
 def test_it_stops_at_the_goal_and_centres_the_validation_poses(bench, stopped):
     live = stopped.adviser.advice.estimate
     assert live.reached
@@ -78,6 +79,7 @@ def test_it_stops_at_the_goal_and_centres_the_validation_poses(bench, stopped):
     np.testing.assert_allclose(stopped.arm.joints()[0], bench.way.q[-1], atol=1e-9)  # the arm ends at the way's end
 
 
+@pytest.mark.slow
 def test_what_is_stated_is_true_at_poses_that_no_estimate_has_seen(bench, stopped):
     """Balls of the validation poses: millimetres off before, and within what is stated after."""
     live = stopped.adviser.advice.estimate
@@ -110,12 +112,14 @@ def test_a_session_that_goes_on_stands_where_it_stood(bench, stopped, tmp_path):
     assert again.passes(bench.plan.poses[-1].id) == ""  # it validates
 
 
+@pytest.mark.slow
 def test_a_goal_out_of_reach_is_told(bench, tmp_path):
     done = centred(replace_plan(bench, 3), tmp_path, 1e-6)
     assert all("0.001 mm" in line and "takes a plan of more poses" in line for line in done.said)
     assert "no pose is left and 0.001 mm is not reached" in done.said[-1]
 
 
+@pytest.mark.slow
 def test_without_a_goal_every_ball_is_centred(bench, tmp_path):
     few = replace_plan(bench, 4)
     done = centred(few, tmp_path)

@@ -31,6 +31,7 @@ def alarms(detector, differences):
     return np.array([min(e.p_value for e in detector.explain(d)) < detector.threshold for d in differences])
 
 
+@pytest.mark.slow
 def test_sound_robots_give_an_alarm_as_rarely_as_stated(detector):
     rate = alarms(detector, sound(detector, 1500, np.random.default_rng(8)))
     assert stats.binom.sf(rate.sum() - 1, len(rate), FALSE_ALARM) > 1e-3

@@ -32,6 +32,7 @@ def judged(limit=None, gear=0.0, **changes):
     return evaluate_check(baseline, fleet().cell, run, limit)
 
 
+@pytest.mark.slow
 def test_a_sound_robot_passes():
     verdict = judged()
     assert verdict.passed
@@ -51,6 +52,7 @@ def test_an_axis_that_lost_its_zero_is_named_with_its_size():
     assert page.charts[0].panels[1].y_names[0] == "zero of joint 3"
 
 
+@pytest.mark.slow
 def test_a_worn_gear_and_a_tool_that_was_hit_are_told_apart():
     gear = judged(gear=0.06 * DEG)
     assert "gear of joint 2" in [j.change.name for j in (gear.likeliest_change, *gear.rivals) if j]
@@ -59,6 +61,7 @@ def test_a_worn_gear_and_a_tool_that_was_hit_are_told_apart():
     assert tool.likeliest_change.motion == pytest.approx(np.hypot(0.5, 0.4) * MM, rel=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_a_tracker_that_stands_elsewhere_tells_what_changed(turns):
     f, rng = tracker_fleet(turns), np.random.default_rng(5)
@@ -80,6 +83,7 @@ def test_a_tracker_that_stands_elsewhere_tells_what_changed(turns):
             evaluate_check(baseline, f.cell, replace(run, readings=replace(run.readings, rotation=None)))
 
 
+@pytest.mark.slow
 def test_one_wrong_reading_is_to_be_read_again_and_no_robot_is_calibrated_for_it():
     """Over robots and poses; a change of the robot is not taken for a wrong reading."""
     errors, baseline = robot()

@@ -84,6 +84,7 @@ def test_what_readings_do_not_show_does_not_count():
     assert sizes.seen.max() < 1.0
 
 
+@pytest.mark.slow
 def test_a_robot_that_does_not_fit_is_named_and_no_other():
     named, wrong = 0, 0
     for seed in range(20):
@@ -103,6 +104,7 @@ def test_a_robot_that_does_not_fit_is_named_and_no_other():
     assert "does not fit" not in str(FleetResult(made).overview().facts)
 
 
+@pytest.mark.slow
 def test_a_plan_takes_a_fleet_for_its_prior(tmp_path):
     _, made = drawn_fleet(1, 6)
     file = made.file()

@@ -69,6 +69,7 @@ def test_probabilities_are_as_often_right_as_they_say(detector):
         assert abs(hits[here].sum() - expected) < 3 * spread + 1
 
 
+@pytest.mark.slow
 def test_weights_are_those_of_normal_densities_averaged_over_the_noise(detector):
     rng = np.random.default_rng(5)
     difference = detector.columns[3] @ np.array([6e-5, -4e-5]) + noise(detector, rng)

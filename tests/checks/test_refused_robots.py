@@ -43,6 +43,7 @@ def worse(fitted, tmp_path_factory):
     return made, folder
 
 
+@pytest.mark.slow
 def test_its_file_bears_the_verdict_and_goes_without_what_others_are_made_of(worse):
     made, folder = worse
     assert tomllib.loads((folder / "robot.toml").read_text())["not_for_use"] == WORSE
@@ -51,6 +52,7 @@ def test_its_file_bears_the_verdict_and_goes_without_what_others_are_made_of(wor
     assert made.problems == (WORSE,)  # by which the command ends with exit code 3
 
 
+@pytest.mark.slow
 def test_the_screen_recommends_nothing_and_names_no_cause(worse, tmp_path):
     lines = screen_text(worse[0], tmp_path).splitlines()
     assert lines[0] == WORSE
@@ -58,6 +60,7 @@ def test_the_screen_recommends_nothing_and_names_no_cause(worse, tmp_path):
     assert not any(word in line for line in lines for word in ("next", "compensate", "tool error", "good for", "found"))
 
 
+@pytest.mark.slow
 def test_no_later_command_makes_anything_of_it(worse, fitted, tmp_path):
     _, folder = worse
     (tmp_path / "targets.csv").write_text(TARGETS)
@@ -75,6 +78,7 @@ def test_no_later_command_makes_anything_of_it(worse, fitted, tmp_path):
             use()
 
 
+@pytest.mark.slow
 def test_the_command_corrects_by_it_with_force_alone(worse, tmp_path):
     (tmp_path / "targets.csv").write_text(TARGETS)
     words = "compensate", tmp_path / "targets.csv", "--model", worse[1], "-o", tmp_path / "corrected.csv"
@@ -86,6 +90,7 @@ def test_the_command_corrects_by_it_with_force_alone(worse, tmp_path):
     assert edbb(*words, "--force").returncode == 0
 
 
+@pytest.mark.slow
 def test_of_a_fit_that_failed_no_robot_is_written_and_the_folder_says_why(fitted, tmp_path):
     made = refused(fitted, FAILED, worse=False)
     fitted.write(tmp_path / "out")  # of a run before
@@ -100,6 +105,7 @@ def test_of_a_fit_that_failed_no_robot_is_written_and_the_folder_says_why(fitted
         CalibratedState.read(tmp_path / "out", fitted.cell)
 
 
+@pytest.mark.slow
 def test_a_calibrated_robot_is_used_as_before(fitted, tmp_path):
     fitted.write(tmp_path / "out")
     assert load_robot(tmp_path / "out").not_for_use == ""

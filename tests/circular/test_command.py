@@ -20,6 +20,7 @@ def folder(tmp_path_factory):
     return place
 
 
+@pytest.mark.slow
 def test_the_folder(folder):
     one = folder / "one"
     plan = json.loads((one / "plan.json").read_text())
@@ -31,7 +32,6 @@ def test_the_folder(folder):
     page = (one / "report.html").read_text()
     assert plan["plan_id"] in page
     assert "nan" not in page.split("<script", 1)[0].lower()
-    assert (one / "pictures" / "circle_1.png").stat().st_size > 10_000
 
 
 @pytest.mark.long
@@ -46,6 +46,7 @@ def test_its_page_in_a_browser(browser, folder):
     assert browser.check_report(folder / "one" / "report.html") == ["view", "circle_1"]  # circular_plan.html.j2
 
 
+@pytest.mark.slow
 def test_an_exported_program_is_the_planned_one(folder):
     one = folder / "one"
     main = next(f for f in one.glob("*.src") if not f.stem[-3:].isdigit())
@@ -57,6 +58,7 @@ def test_an_exported_program_is_the_planned_one(folder):
         assert path.read_bytes() == (out / path.name).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_simulated_run_is_evaluated(folder, browser):
     truth = folder / "truth.toml"
     truth.write_text(
@@ -72,12 +74,12 @@ def test_a_simulated_run_is_evaluated(folder, browser):
     (circle,) = found["circles"]
     assert [p["direction"] for p in circle["paths"]] == ["ccw", "cw"]
     assert circle["H_um"] < 3.0 < circle["G_b_um"] < 100.0
-    assert (folder / "found" / "pictures" / "polar_1.png").stat().st_size > 10_000
     assert browser.check_report(folder / "found" / "report.html") == ["polar_1", "radial_1"]  # circular.html.j2
     said = edbb("circular", run, "--plan", plan, "-o", folder / "found")
     assert "G(b)" in said.stdout
 
 
+@pytest.mark.slow
 def test_a_plan_without_its_cell_is_refused(folder, tmp_path):
     lonely = tmp_path / "plan.json"
     lonely.write_bytes((folder / "one" / "plan.json").read_bytes())
@@ -93,6 +95,7 @@ def test_a_plan_without_its_cell_is_refused(folder, tmp_path):
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.slow
 def test_a_run_and_a_plan_that_do_not_belong_together_are_refused(folder, tmp_path):
     one, run = folder / "one", tmp_path / "run.csv"
     assert edbb("simulate", one / "plan.json", "-o", run).returncode == 0

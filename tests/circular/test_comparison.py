@@ -14,6 +14,7 @@ from planner.simulation.simulated_run import SAMPLE_RATE
 from planner.simulation.truth import draw_truth
 
 
+@pytest.mark.slow
 def test_a_circle_uses_and_shows_less(planned):
     poses = draw_candidates(planned.cell, 300, 0).q
     shell = Samples(q=poses, place=np.zeros(len(poses), dtype=int))

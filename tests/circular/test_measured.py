@@ -56,6 +56,7 @@ def found(planned, plan_file, made):
     return evaluate_circles(planned.cell, plan_file, made[0])
 
 
+@pytest.mark.slow
 def test_every_sweep_is_found_once(found):
     assert [(c.ring.circle.name, [p.direction for p in c.paths]) for c in found.circles] == [
         ("round", ["ccw", "cw"]),
@@ -90,6 +91,7 @@ def test_play_shows_at_its_joints_reversals(planned, found, made):
     assert checked >= 2
 
 
+@pytest.mark.slow
 def test_without_play_nothing_is_left(planned, plan_file, made):
     run, length = made
     exact = replace(run, readings=Readings(length=length(run.samples.q)))
@@ -100,6 +102,7 @@ def test_without_play_nothing_is_left(planned, plan_file, made):
     assert pytest.approx(0.0, abs=4e-6) == c.D
 
 
+@pytest.mark.slow
 def test_deviation_from_the_angles_leaves_out_how_well_the_path_was_followed(planned, plan_file, made):
     """Joints that lag behind change the length and the angles read alike."""
     run, length = made

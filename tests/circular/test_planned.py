@@ -166,6 +166,7 @@ def test_a_tool_that_turns_with_the_bar_is_driven_in_joints(tmp_path):
         assert any(m.via_deg is not None for m in moves) == (circles > 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dialect", ["din66025", "bnr"])
 def test_what_a_program_says_is_the_circle(planned, dialect):
     files = dict(planned.programs)[dialect]

@@ -84,6 +84,7 @@ def test_a_bar_that_does_not_reach(tmp_path, circles, says):
         plan_arc(cell, circles_of(cell)[0])
 
 
+@pytest.mark.slow
 def test_a_robot_that_does_not_reach(tmp_path):
     far = load(tmp_path, ROUND, ("position_mm = [258, 1468, 708]", "position_mm = [258, 1968, 708]"))
     with pytest.raises(NoSolutionError, match=r"circle XY: none of \d+ configurations .* to -?\d+°, where"):
@@ -102,12 +103,14 @@ def test_a_joint_that_does_not_turn_far_enough(tmp_path):
         plan_arc(stiff, circles_of(stiff)[0])
 
 
+@pytest.mark.slow
 def test_a_limit_that_is_in_the_way(tmp_path):
     cell = load(tmp_path, ROUND, ("cone_deg = { fixture = 105, map = 105 }", "cone_deg = { fixture = 85, map = 105 }"))
     with pytest.raises(NoSolutionError, match="tilt at the fixture is exceeded"):
         plan_arc(cell, circles_of(cell)[0])
 
 
+@pytest.mark.slow
 def test_something_in_the_way(tmp_path):
     post = '[[obstacles]]\nname = "post"\nkind = "sphere"\nat_mm = [608, 1468, 708]\nradius_mm = 60\n\n[[circles]]'
     cell = load(tmp_path, ROUND, ("[[circles]]", post))
@@ -127,6 +130,7 @@ def test_a_plan_of_another_kind(tmp_path):
         read_circular_plan(path)
 
 
+@pytest.mark.slow
 def test_the_given_tool_axis_is_kept(tmp_path):
     cell = load(tmp_path, ARC + "tool_axis = [0, 1, -1]\nspeed_mm_s = 200\n")
     arc = plan_arc(cell, circles_of(cell)[0])
@@ -134,6 +138,7 @@ def test_the_given_tool_axis_is_kept(tmp_path):
     assert np.abs(cell.map_axis(arc.q) - wanted).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_a_tool_that_follows_the_bar(tmp_path):
     cell = load(tmp_path, ARC + 'orientation = "follow"\nspeed_mm_s = 200\n')
     arc = plan_arc(cell, circles_of(cell)[0])

@@ -52,6 +52,7 @@ def test_there_are_commands_with_json():
     assert {"plan", "identify", "check", "robots", "loaded-places"} <= set(COMMANDS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.long) for n in COMMANDS])
 def test_what_libraries_print_is_not_among_the_results(tmp_path, name):
     (tmp_path / "file").touch()
@@ -77,6 +78,7 @@ def test_an_error_leaves_standard_output_empty(words, code, tmp_path, monkeypatc
     assert done.stderr.strip()
 
 
+@pytest.mark.slow
 @pytest.mark.posix
 def test_it_needs_no_standard_error():
     command = 'exec 2>&-; exec "$0" -m planner.cli robots --json'
@@ -84,6 +86,7 @@ def test_it_needs_no_standard_error():
     assert len(json.loads(done.stdout)) > 5
 
 
+@pytest.mark.slow
 @pytest.mark.posix
 def test_a_reader_that_goes_away_ends_it_quietly():
     command = '"$0" -m planner.cli robots --json | head -c 1'

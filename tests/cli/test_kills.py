@@ -229,6 +229,7 @@ def _same(state: dict[str, str]) -> dict[str, str]:
     return {k: v for k, v in state.items() if Path(k).name not in ("timings.json", "manifest.json")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", [k if k in LIGHT else pytest.param(k, marks=pytest.mark.long) for k in KILLS if k not in GROWING]
 )

@@ -49,6 +49,7 @@ def changed(tmp_path_factory):
     return folder, environment
 
 
+@pytest.mark.slow
 def test_one_field_is_an_option_everywhere(changed):
     done = run_in(*changed, "-c", WHERE_IT_IS)
     assert done.returncode == 0, done.stderr
@@ -64,6 +65,7 @@ def test_one_field_is_an_option_everywhere(changed):
     assert found["refused"] == "plan(): clearance_mm = 0.5, but the least is 1"
 
 
+@pytest.mark.slow
 def test_it_is_on_the_command_line(changed):
     shown = re.sub(r"\s+", " ", edbb_in(*changed, "plan", "--help").stdout)
     assert "--clearance-mm MM" in shown

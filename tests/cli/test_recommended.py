@@ -70,6 +70,7 @@ def test_paths_with_blanks_are_single_words_of_what_comes_next(tmp_path):
     assert shlex.split(evaluation_of(run, plan, None, calibrates=True)) == expected
 
 
+@pytest.mark.slow
 def test_what_is_filled_into_a_command_is_a_word_of_its_own():
     """No folder or file stands in a command as it is: a blank in its path would part it."""
     bare = re.compile(r"\bedbb [a-z-]+ [^;:]*?(?:--[a-z-]+|-o|identify|import|plan|add) (\{(?!as_word)[^}]*\})")

@@ -26,6 +26,7 @@ print("loaded:", *sorted({heavy} & set(sys.modules)))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["--help"], ["robots"], ["robots", "--json"], ["dialects"]], ids=" ".join)
 def test_commands_that_only_list_load_no_library_of_planning_or_fitting(words):
     code = LOADED.format(words=words, heavy=HEAVY)
@@ -77,6 +78,7 @@ def test_a_language_that_counts_in_pulses_has_no_resolution_in_degrees():
     assert (resolution["inform"], resolution["krl"]) == (None, 1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["", " "])
 def test_an_empty_name_is_no_folder(name, tmp_path):
     done = edbb("plan", "ur10/edbb", "-o", name, cwd=tmp_path)

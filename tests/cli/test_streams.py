@@ -22,6 +22,7 @@ PLAN = ROOT / "tests" / "data" / "kr6-plan" / "plan.json"
 CELLS = ["kuka-kr6-r700/edbb", "kuka-kr6-r700/tracker", "ur10/edbb", "ur5e/edbb"]
 
 
+@pytest.mark.slow
 def test_a_simulated_run_says_its_result_on_standard_output(tmp_path):
     done = edbb("simulate", PLAN, "-o", tmp_path / "run.csv")
     assert done.returncode == 0, done.stderr
@@ -31,6 +32,7 @@ def test_a_simulated_run_says_its_result_on_standard_output(tmp_path):
     assert piped.stdout == (tmp_path / "run.csv").read_text()  # nothing but the file
 
 
+@pytest.mark.slow
 def test_without_a_place_each_result_gets_a_new_one_of_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("simulate-kr6-plan.csv", "simulate-kr6-plan-2.csv"):
@@ -130,6 +132,7 @@ def test_h_asks_for_help(words):
     assert edbb(*words, "-h").stdout == edbb(*words, "--help").stdout
 
 
+@pytest.mark.slow
 def test_the_shell_completes_commands_and_options():
     asked = {"_PYTHON _M PLANNER.CLI_COMPLETE": "complete_bash"}
     done = edbb(cwd=".", COMP_WORDS="edbb plan --ti", COMP_CWORD="2", **asked)

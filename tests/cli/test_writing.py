@@ -172,6 +172,7 @@ def _state(path: Path) -> dict[str, str]:
     return {str(p.relative_to(path)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
+@pytest.mark.slow
 @pytest.mark.posix
 @pytest.mark.parametrize("kills", [10, pytest.param(140, marks=pytest.mark.long)])
 def test_a_kill_leaves_the_old_folder_or_the_new(tmp_path, kills):
@@ -195,6 +196,7 @@ def test_a_kill_leaves_the_old_folder_or_the_new(tmp_path, kills):
     assert [p.name for p in tmp_path.iterdir()] == ["out"], "drafts of the killed are cleared"
 
 
+@pytest.mark.slow
 @pytest.mark.posix
 @pytest.mark.parametrize("kills", [6, pytest.param(60, marks=pytest.mark.long)])
 def test_a_kill_leaves_no_mixture_of_a_program(tmp_path, kills):

@@ -31,6 +31,7 @@ def _install(folder, **modules):
 needs_path = pytest.mark.skipif(sys.flags.ignore_environment, reason="this Python asks for no PYTHONPATH")
 
 
+@pytest.mark.slow
 @needs_path
 def test_modules_of_an_installed_package_are_known(tmp_path):
     path = _install(tmp_path, dial="tests.gauges.plane_dial", hose="tests.effects.hose_pull")
@@ -44,6 +45,7 @@ def test_modules_of_an_installed_package_are_known(tmp_path):
     assert done.stdout == "tests.gauges.plane_dial tests.effects.hose_pull True\n", done.stderr
 
 
+@pytest.mark.slow
 @needs_path
 def test_a_module_that_cannot_be_used_is_named(tmp_path):
     path = _install(tmp_path / "site", cables="cables_of_mine")
@@ -55,6 +57,7 @@ def test_a_module_that_cannot_be_used_is_named(tmp_path):
     assert done.stderr == f"edbb: extension 'cables' (cables_of_mine): {said}\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "said"),
     [

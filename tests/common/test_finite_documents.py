@@ -31,6 +31,7 @@ def holding(tree, value):
     return {"first": tree, "deep": [{"name": "a", "size_mm": [1.0, value]}]}
 
 
+@pytest.mark.slow
 @given(tree=TREES, value=NUMBERS)
 def test_finite_documents_pass_whatever_words_they_hold(tree, value):
     for kind, write in WRITERS.items():
@@ -47,6 +48,7 @@ def test_a_document_with_nan_is_refused_by_its_place(tree, value):
         document_text(holding(tree, value))
 
 
+@pytest.mark.slow
 @given(rows=st.lists(NUMBERS, min_size=1, max_size=4), value=NOT_FINITE)
 def test_a_table_with_nan_is_refused_by_line_and_column(rows, value):
     names = pl.Series("name", [f"nanometre {k}" for k in range(len(rows) + 1)])

@@ -1,6 +1,7 @@
 """What a prompt shows of an object is one line that names it, not its arrays."""
 
 import numpy as np
+import pytest
 from matplotlib.figure import Figure
 
 from planner.cell.reading import load_cell
@@ -9,6 +10,7 @@ from planner.workflow.plan_use import simulate
 from tests.workflow.small_plan import write_small_plan
 
 
+@pytest.mark.slow
 def test_results_runs_and_robots_show_themselves_in_one_line(tmp_path):
     write_small_plan(tmp_path, "kuka-kr6-r700/edbb", 2)
     made = simulate(tmp_path / "plan.json", seed=1)

@@ -154,6 +154,7 @@ def test_letters_that_a_console_does_not_have_are_spelt_plainly():
         assert done.stdout.decode(name).strip() == said
 
 
+@pytest.mark.slow
 def test_what_goes_into_a_pipe_is_utf_8(tmp_path):
     """Messages too, whatever letters the system has by itself."""
     done = edbb_without("check", "run.csv", cwd=tmp_path, env=PLAIN, text=False)
@@ -195,6 +196,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not GLIBC, reason="elsewhere the system's own ways stand")
 def test_large_arrays_take_the_place_of_those_that_were_freed():
     """The system has to clear far fewer pages for them."""

@@ -28,6 +28,7 @@ def test_without_a_limit_nothing_is_over() -> None:
     assert UNLIMITED.notes == ()
 
 
+@pytest.mark.slow
 def test_a_search_that_is_cut_keeps_a_bound_that_holds() -> None:
     rows = np.random.default_rng(0).normal(size=(400, 1, 5))
     whole = exchange_poses(rows, 12, "O2")

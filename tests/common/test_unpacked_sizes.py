@@ -15,6 +15,7 @@ from planner.kinematics.xacro.expander import expand_template
 from planner.runs.mat_files import mat_lines
 
 
+@pytest.mark.slow
 def test_a_mat_file_whose_arrays_grow_when_unpacked(tmp_path):
     packer = zlib.compressobj(1)
     packed = b"".join(packer.compress(bytes(1 << 20)) for _ in range(260)) + packer.flush()
@@ -32,6 +33,7 @@ def test_a_packed_mat_file_is_read(tmp_path):
     assert mat_lines(tmp_path / "log.mat")[0] == "x,y"
 
 
+@pytest.mark.slow
 def test_an_image_whose_head_says_more_pixels_than_a_camera_has(tmp_path):
     if find_spec("cv2") is None:
         pytest.skip("OpenCV is not installed")

@@ -54,6 +54,7 @@ def angles_in(text):
     return np.deg2rad([[float(v) for v in row.split(",")] for row in rows])
 
 
+@pytest.mark.slow
 def test_a_pdl2_program_of_comaus_own_angles_is_corrected_and_not_made_worse(tmp_path):
     robot, real = load_robot("comau-nj130"), BentComau.drawn(3)
     q = regular_angles(robot, 30, seed=2, margin=0.3)
@@ -134,6 +135,7 @@ class Recounted:
         return self.real.flange(back)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("arm", "language", "suffix"), [("kuka-kr6-r700", krl, "src"), ("abb-irb120", rapid, "mod")])
 @pytest.mark.parametrize("coupled", [False, True])
 def test_status_turn_and_confdata_are_of_the_controllers_axes(arm, language, suffix, coupled, tmp_path):

@@ -86,6 +86,7 @@ def closes_at(robot, real, wanted, flanges, tolerance=1e-6):
         assert np.abs(stands - flange_pose(exact(robot), row)).max() < tolerance
 
 
+@pytest.mark.slow
 def test_krl_poses_with_status_and_turn(kuka, tmp_path):
     robot, real = kuka
     q = regular_angles(robot, 60, seed=5)
@@ -99,6 +100,7 @@ def test_krl_poses_with_status_and_turn(kuka, tmp_path):
     assert done.text.count("; a point {X 1}") == 60
 
 
+@pytest.mark.slow
 def test_krl_joint_angles_are_found_from_status_and_turn(kuka, tmp_path):
     """The joint target and the pose of the same point must get the same correction."""
     robot, real = kuka
@@ -117,6 +119,7 @@ def test_krl_joint_angles_are_found_from_status_and_turn(kuka, tmp_path):
         np.testing.assert_allclose(matrix(pose), T, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_line_keeps_the_shape_of_the_move_before(kuka, tmp_path):
     robot, real = kuka
     q = np.linspace(np.radians([10, -80, 100, 20, 40, 30]), np.radians([30, -60, 80, 40, 60, 300]), 12)
@@ -130,6 +133,7 @@ def test_a_line_keeps_the_shape_of_the_move_before(kuka, tmp_path):
         compensate_file(path, robot, real)
 
 
+@pytest.mark.slow
 def test_a_taught_point_takes_its_frames_from_its_fdat(kuka, tmp_path):
     robot, real = kuka
     q = regular_angles(robot, 1, seed=7)
@@ -155,6 +159,7 @@ def test_a_taught_point_takes_its_frames_from_its_fdat(kuka, tmp_path):
         compensate_program(path, robot, real, frames=ToolAndBase(matrix(TOOL), matrix(BASE)))
 
 
+@pytest.mark.slow
 def test_inline_forms_select_tool_and_base_for_what_follows(kuka, tmp_path):
     """BAS (#PTP_PARAMS) and spline moves take the frames of FDAT; those of a spline hold for it alone."""
     robot, real = kuka
@@ -245,6 +250,7 @@ def pose_text(T):
     )
 
 
+@pytest.mark.slow
 def test_rapid_robtargets_with_confdata(tmp_path):
     robot, real = bent("abb-irb120", seed=8)
     q = regular_angles(robot, 400, seed=9)
@@ -272,6 +278,7 @@ def wrist_abb(robot, q):
     return T[:3, 3] - 0.072 * T[:3, 2]
 
 
+@pytest.mark.slow
 def test_a_table_of_poses_with_angles_to_start_from(tmp_path):
     robot, real = bent("ur10", seed=10)
     q = regular_angles(robot, 25, seed=11)

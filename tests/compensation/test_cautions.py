@@ -105,6 +105,7 @@ def test_a_pose_without_turns_outside_the_limits_names_joint_and_limits(kuka, tm
     assert "turns that are said" not in said
 
 
+@pytest.mark.slow
 def test_a_pose_after_one_that_is_not_reached_says_so(kuka, tmp_path):
     robot, real = kuka
     q = regular_angles(robot, 1, seed=7)

@@ -43,6 +43,7 @@ def words(text):
     return [(int(s), int(t)) for s, t in re.findall(r"S (\d+),T (\d+)", text)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", [0.08, -0.08, 0.9, -0.9])
 def test_turn_bits_say_the_corrected_joints_and_the_file_can_be_read_again(by, tmp_path):
     """A4 at 0 corrected to -0.08°: its bit is set, and no other."""
@@ -57,6 +58,7 @@ def test_turn_bits_say_the_corrected_joints_and_the_file_can_be_read_again(by, t
     assert compensate_file(path, robot, exact(robot)).text == done.text
 
 
+@pytest.mark.slow
 def test_what_is_written_stays_where_the_joint_is_still_at_its_border(tmp_path):
     """At exactly 0° either bit names the joint: no correction, no change, whichever was taught."""
     robot = load_robot("kuka-kr6-r700")
@@ -74,6 +76,7 @@ ABB_HOMES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", [0.86, -0.86])
 def test_confdata_says_the_corrected_quarters_and_the_file_can_be_read_again(by, tmp_path):
     robot = load_robot("abb-irb120")

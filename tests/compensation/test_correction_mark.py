@@ -101,6 +101,7 @@ def test_a_corrected_file_is_never_corrected_by_the_same_model(name, change, rob
         assert correct(name, path, robot, shifted(robot), mark=OTHER, again=True).text != done.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*NAMES, "csv", "dat"])
 def test_the_mark_is_a_comment_that_says_which_model_and_whether_it_was_measured(name, robot, tmp_path):
     path, files = file_of(tmp_path, name)
@@ -197,6 +198,7 @@ def model(tmp_path):
     return folder
 
 
+@pytest.mark.slow
 def test_the_command_marks_refuses_and_writes_over_its_own_result(model, tmp_path):
     words = ("compensate", tmp_path / "p.src", "--model", model / "robot.toml", "-o", tmp_path / "out.src")
     first = edbb(*words)

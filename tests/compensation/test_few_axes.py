@@ -35,6 +35,7 @@ def reached(robot, n, seed=0):
     return q[NominalFlange(robot).flange(q)[0][:, 2] > 0.03][:n]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["so101", RX150])
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_nearly_all_reachable_targets_come_nearer(name, seed):
@@ -52,6 +53,7 @@ def test_nearly_all_reachable_targets_come_nearer(name, seed):
     assert np.median(after) < 1e-8 < np.median(before) / 1e4
 
 
+@pytest.mark.slow
 def test_beside_its_first_axis_the_arm_comes_as_near_as_its_joints_may_move():
     robot, real = arm(RX150, 1)
     q = reached(robot, 100, 1)[[37, 44, 93, 95]]  # would ask joint 1 for 20 to 60 degrees
@@ -66,6 +68,7 @@ def test_beside_its_first_axis_the_arm_comes_as_near_as_its_joints_may_move():
     assert done.usable.all()
 
 
+@pytest.mark.slow
 def test_what_is_left_of_the_turn_is_the_least_that_the_place_allows():
     robot, real = arm("so101", 0)
     weights = TurnWeights(1.0, 0.3)
@@ -118,6 +121,7 @@ def test_five_axes_are_no_singular_position():
     assert near_singular(six, np.deg2rad([straight, bent])).tolist() == [True, False]
 
 
+@pytest.mark.slow
 def test_a_table_is_corrected_and_says_what_is_left(tmp_path):
     robot, real = arm("so101", 0)
     q = np.rad2deg(reached(robot, 12))

@@ -87,6 +87,7 @@ def test_a_robot_without_errors_leaves_every_number(name, models, tmp_path):
         assert len(kept) == len(outcome.before[file].split("\n"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "number"),
     [
@@ -106,6 +107,7 @@ def test_the_judge_sees_a_wrong_correction(name, number, models, tmp_path):
     assert WRONG in {v.outcome for v in after}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("language", NOMINAL)
 def test_the_judge_sees_a_program_that_was_left_and_not_listed(language, models, tmp_path):
     nominal, true = arms(models, language)

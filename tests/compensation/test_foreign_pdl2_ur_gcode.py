@@ -103,6 +103,7 @@ def judge(path, robots, folder, spoil=None):
     return outcomes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("language", ["pdl2", "urscript", "gcode"])
 def test_no_motion_of_foreign_programs_is_silently_wrong(language, calibrated, tmp_path):
     found = {p.relative_to(PROGRAMS).as_posix(): judge(p, calibrated, tmp_path) for p in programs(language)}
@@ -124,6 +125,7 @@ def test_the_truths_of_foreign_programs_are_what_their_texts_say(language):
                 assert there == pytest.approx(m["joints_deg"], abs=1e-6), f"{path.name}:{m['line']}"
 
 
+@pytest.mark.slow
 def test_a_calibration_that_found_nothing_moves_no_target_of_foreign_programs(tmp_path):
     robots, out = tmp_path / "robots", tmp_path / "out"
     out.mkdir()

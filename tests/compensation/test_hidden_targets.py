@@ -120,6 +120,7 @@ def test_rapid_lines_that_do_not_keep_the_orientation_are_left(word, first, abb,
     assert changed(done, text) == [5, 6]
 
 
+@pytest.mark.slow
 def test_rapid_lines_after_singarea_off_are_corrected(abb, tmp_path):
     line = f"MoveL {target(abb[0])},v9,fine,tool0;"
     rows = ["SingArea \\Wrist;", line, "SingArea \\Off;", line, "IF a THEN", "SingArea \\LockAxis4;", "ENDIF", line]
@@ -151,6 +152,7 @@ def test_rapid_targets_that_hide_are_left_and_named(name, abb, tmp_path):
     assert list(done.report.corrected) == [text[: text.index("MoveAbsJ")].count("\n") + 1]
 
 
+@pytest.mark.slow
 def test_a_rapid_variable_that_gets_one_value_is_corrected_there(abb, tmp_path):
     """And with two it has none that is certain."""
     data, first = ["VAR robtarget p1;"], f"p1:={target(abb[0])};"
@@ -226,6 +228,7 @@ MANY = {  # name, text, frames: each was read in a time that grows with the squa
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MANY)
 def test_long_files_are_read_once(name, kuka, abb, tmp_path):
     file, text, frames = MANY[name]

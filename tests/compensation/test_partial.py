@@ -409,6 +409,7 @@ def test_options_behind_a_target_in_place_are_read(abb, tmp_path):
     assert not done.partly
 
 
+@pytest.mark.slow
 def test_points_of_one_name_belong_to_their_routine_and_module(abb, tmp_path):
     """Each p1 is a point of its own: corrected with the tool of its own moves."""
     robot, real = abb
@@ -496,6 +497,7 @@ def test_the_head_lists_lines_as_they_are_counted_in_the_written_file(kuka, tmp_
     assert len(again.report.corrected) == 2
 
 
+@pytest.mark.slow
 def test_a_program_of_another_robot_is_told(kuka, tmp_path):
     with pytest.raises(InputError, match=r"p\.src:2: the program is for the robot 'comau-nj130'"):
         run(tmp_path / "p.src", krl("; robot: comau-nj130", "; plan_id: 0123456789ab", GOOD), kuka)
@@ -507,6 +509,7 @@ def test_a_program_of_another_robot_is_told(kuka, tmp_path):
         run(tmp_path / "p.src", krl(*NULL, GOOD, *far), kuka)
 
 
+@pytest.mark.slow
 def test_the_command_says_by_its_exit_code_what_was_done(tmp_path):
     text = (data_folder("robots") / "kuka-kr6-r700" / "robot.toml").read_text()
     (tmp_path / "robot.toml").write_text(text.replace("a_mm = 315.0", "a_mm = 315.4") + "[nominal]\na2_mm = 315.0\n")
@@ -528,6 +531,7 @@ def test_the_command_says_by_its_exit_code_what_was_done(tmp_path):
     assert compensate([GOOD]) == (0, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kuka-kr6-r700", "abb-irb120"])
 def test_the_output_of_a_real_file_is_read_and_corrected_again(name, tmp_path):
     """Never refused by its own tool: what was written is read as the same targets, at which nothing is left to move."""
@@ -546,6 +550,7 @@ def test_the_output_of_a_real_file_is_read_and_corrected_again(name, tmp_path):
     assert len(again.report.corrected) == len(done.report.corrected)
 
 
+@pytest.mark.slow
 def test_what_other_modules_do_to_a_work_object_counts(abb, tmp_path):
     """Code of the modules that are given beside the file changes frames as that of the file itself does."""
     frame = 'wV:=[FALSE,TRUE,"",[[10,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];'

@@ -139,6 +139,7 @@ def test_a_program_that_is_corrected_in_part_is_not_recommended(kuka, model, tmp
     assert "see to the lines that were left as they were" in done.screen
 
 
+@pytest.mark.slow
 def test_data_of_a_rapid_program_are_corrected_with_the_module_that_uses_them(abb, tmp_path):
     """Points without a move in their own module get the tool and the work object of the moves in the other one."""
     points = [

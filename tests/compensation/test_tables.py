@@ -52,6 +52,7 @@ def test_relative_rows_are_refused_with_their_line(arm, tmp_path):
 OWN = "; robot: {}\nDEF p()\nPTP {{A1 10,A2 -70,A3 80,A4 5,A5 40,A6 0}}\nEND\n"
 
 
+@pytest.mark.slow
 def test_a_head_that_names_another_robot_is_honoured(arm, tmp_path):
     for name, text in (("t.csv", f"# robot: {{}}\n{HEAD}\n{ROW}\n"), ("p.src", OWN)):
         for robot in ("kuka-kr6-r700", "KUKA KR 6 R700"):

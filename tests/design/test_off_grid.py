@@ -29,6 +29,7 @@ def refined(index):
     return cell, pool, refine_poses(cell, choice, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", [pytest.param("O1", marks=pytest.mark.long), "O2"])
 def test_no_refined_set_beats_the_bound_off_the_grid(index):
     cell, pool, choice = refined(index)
@@ -47,6 +48,7 @@ def test_a_set_that_stayed_on_the_grid_keeps_the_bound_of_its_candidates():
     assert certify_off_grid(cell, pool, stayed) is choice.certificate
 
 
+@pytest.mark.slow
 def test_what_the_descents_find_are_poses(monkeypatch):
     """Each keeps the limits of joints, gauge and cable, and collides with nothing, as judged on its own."""
     cell, pool, choice = refined("O2")

@@ -21,6 +21,7 @@ def errors():
     return cell, samples, declared, add_unnamed_errors(declared, cell, samples)
 
 
+@pytest.mark.slow
 def test_named_errors_stay_as_they_are(errors):
     _, samples, declared, unnamed = errors
     named = unnamed.family < 0
@@ -31,6 +32,7 @@ def test_named_errors_stay_as_they_are(errors):
     assert own == pytest.approx(declared.weight_per_prior, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_mixtures_do_nearly_all_that_the_turns_do(errors):
     """Of every family: mean square of readings and tool by all turns, each of its own size, against the mixtures."""
     cell, samples, declared, unnamed = errors

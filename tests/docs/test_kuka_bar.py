@@ -32,6 +32,7 @@ def program(cell, session):
     return write_session(cell, neutral, "krl", "mine")[0].text
 
 
+@pytest.mark.slow
 def test_the_program_stops_at_every_pose_and_names_it_as_the_page_says(program, session):
     assert "At each pose it stops again. The line above the `HALT` names the pose" in PAGE
     (shown,) = re.findall(r"\*(pose \d+ of \d+: [^*]+)\*", PAGE)
@@ -55,6 +56,7 @@ def test_the_bar_that_a_person_reads_needs_no_wire(program):
     assert "waits until input" not in head
 
 
+@pytest.mark.slow
 def test_the_program_has_the_name_that_the_page_says(cell, session):
     neutral = session_program(cell, session.courses, session.document.plan_id, driven_form("krl"))
     ((_, files),) = write_programs(replace(cell, name="cell"), {"krl": neutral})

@@ -18,12 +18,14 @@ def test_a_page_is_plain(page):
     assert [str(fault) for fault in plain_words.page_faults(page)] == []
 
 
+@pytest.mark.slow
 def test_messages_become_plainer():
     faults = [str(f) for module in plain_words.modules() for f in plain_words.program_faults(module)]
     faults += [str(f) for template in plain_words.templates() for f in plain_words.template_faults(template)]
     assert len(faults) <= MOST_IN_PROGRAM, "\n".join(faults)
 
 
+@pytest.mark.slow
 def test_docstrings_become_plainer():
     every = (s for module in plain_words.modules() for s in plain_words.docstring_sentences(module))
     long = [s for s in every if plain_words.count_words(s) > plain_words.MOST_WORDS]

@@ -46,6 +46,7 @@ def hose(monkeypatch):
     positions_in.cache_clear()  # what is registered stays, but for this test
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("hose")
 def test_an_effect_in_one_file_is_simulated_and_found(tmp_path):
     plan = wide_plan(tmp_path, calibrate=90)
@@ -60,6 +61,7 @@ def test_an_effect_in_one_file_is_simulated_and_found(tmp_path):
     assert found.stages[-1].held_out.rms < 0.5 * found.stages[-2].held_out.rms
 
 
+@pytest.mark.slow
 def test_its_name_and_its_key_are_known_with_the_file_only(hose, tmp_path):
     run = simulate(wide_plan(tmp_path, calibrate=10), seed=1).run
     cell = cell_in(tmp_path, ROBOT, 1, ())

@@ -60,6 +60,7 @@ def _fuzz(name: str, folder, cases: int) -> None:
     run()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SURFACES)
 def test_a_spoiled_file_is_told(name, tmp_path):
     _fuzz(name, tmp_path, QUICK)

@@ -77,6 +77,7 @@ def test_exchanged_names_are_refused_and_named(measured, tmp_path):
         _found(other, cell)
 
 
+@pytest.mark.slow
 def test_of_all_pairs_the_one_that_fits_best_is_named(measured, tmp_path):
     """Another pair may fit better than none as well, since a plate can be turned."""
     run, cell = measured

@@ -30,6 +30,7 @@ def installed(tmp_path):
     return tmp_path, {**os.environ, "PYTHONPATH": os.pathsep.join((str(tmp_path), str(ROOT))), "COLUMNS": "120"}
 
 
+@pytest.mark.slow
 def test_its_cell_is_read_where_the_package_is_installed_and_there_alone(installed, tmp_path_factory):
     folder, environment = installed
     read = "from planner.cell.reading import load_cell; import sys; print(load_cell(sys.argv[1]).gauge.kind)"

@@ -116,6 +116,7 @@ def test_a_bars_run_is_refused_in_its_cell(cell, run):
         bar.gauge.check_run(bar, run)
 
 
+@pytest.mark.slow
 @few_draws()
 def test_a_simulated_run_is_identified(cell, run):
     """Joint angles come back from angles alone; what is left is the noise, in mrad. The cell has no place of a bar."""
@@ -140,6 +141,7 @@ def test_a_simulated_run_is_identified(cell, run):
     assert np.sqrt(np.mean(table["held_out_mrad"].to_numpy() ** 2)) == pytest.approx(1e3 * after, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_it_is_planned(cell, tmp_path):
     """Chosen poses show more of the robot than as many candidates at random, and no set shows more than the bound."""
     few = replace(cell, plan=replace(cell.plan, candidates=300))

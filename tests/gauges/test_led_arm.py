@@ -43,6 +43,7 @@ def runs(planned):
     return [simulate_run(CELL, "0" * 12, samples, draw_truth(CELL, seed), seed) for seed in range(ARMS)]
 
 
+@pytest.mark.slow
 def test_joints_turn_as_far_as_drawn_arms_turn(planned, runs):
     off = np.array([run.samples.q - planned for run in runs])
     found = np.sqrt((off**2).mean(axis=0)) / corrected_turns(BARE, planned)

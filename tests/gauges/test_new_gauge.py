@@ -68,6 +68,7 @@ def pool(cell):
     return draw_candidates(cell, 4000, seed=1)
 
 
+@pytest.mark.slow
 def test_its_own_keys_are_read_and_written(cell, tmp_path):
     assert isinstance(cell.gauge, PlaneDial)
     np.testing.assert_allclose(cell.gauge.point, [1.3, 0, 0.6])
@@ -78,6 +79,7 @@ def test_its_own_keys_are_read_and_written(cell, tmp_path):
         read(tmp_path, cell_text(GAUGE + "plane_normals = [0, 0, 1]\n"))
 
 
+@pytest.mark.slow
 def test_candidates_lie_where_it_reads(cell, pool):
     d = cell.map_position(pool.q)[:, 2] - 0.6
     assert len(pool) == 4000
@@ -86,6 +88,7 @@ def test_candidates_lie_where_it_reads(cell, pool):
     assert (cell.map_axis(pool.q)[:, 2] < -np.cos(np.deg2rad(40))).all()
 
 
+@pytest.mark.slow
 def test_its_plan_speaks_of_no_other_gauge(cell):
     poses = PointPoses(replace(cell, plan=replace(cell.plan, candidates=200)), PlanOptions())
     poses.draw(Stages())
@@ -123,11 +126,13 @@ def test_its_plan_is_written_whatever_cones_it_has(kind, tmp_path):
     assert "Tilt of the" not in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_its_kind_is_taken(cell):
     with pytest.raises(ValueError, match=r"'plane-dial': tests\.gauges\.plane_dial has registered it already"):
         register_gauge(PlaneDial)
 
 
+@pytest.mark.slow
 def test_a_class_that_lacks_a_method_is_refused_by_its_name():
     half = type("Half", (Gauge, GaugeUnknowns), {"kind": "half-dial"})
     with pytest.raises(ValueError, match=r"'half-dial' \(.*lacks .*lag_moves.*parameters.*docstrings"):
@@ -135,6 +140,7 @@ def test_a_class_that_lacks_a_method_is_refused_by_its_name():
     assert "half-dial" not in gauge_kinds()
 
 
+@pytest.mark.slow
 def test_its_margins_change_no_faster_than_it_says(cell, pool):
     rng, workspace = np.random.default_rng(0), Workspace(cell)
     bounds = WorkspaceBounds(workspace)
@@ -144,6 +150,7 @@ def test_its_margins_change_no_faster_than_it_says(cell, pool):
     assert (change <= bounds.changes(dq[:, None], far) + 1e-12).all()
 
 
+@pytest.mark.slow
 def test_its_jacobian_is_the_derivative_of_its_reading(cell, pool):
     model, at = Model.from_cell(cell), pool.samples.take(slice(50))
     rows, step = model.rows(at)[:, 0], 1e-6

@@ -36,6 +36,7 @@ def poses_of(planned):
     return path.q[at], path.q[at - 1], path.q[at + 1], np.array([ball[int(v)] for v in path.visit[at]])
 
 
+@pytest.mark.slow
 def test_every_seat_is_come_to_and_left_along_the_sockets_own_axis(planned):
     cell = planned.cell
     seat, before, after, socket = poses_of(planned)
@@ -49,6 +50,7 @@ def test_every_seat_is_come_to_and_left_along_the_sockets_own_axis(planned):
     assert np.bincount(socket[[v.role == "calibrate" for v in planned.drives[0].visits[1:-1]]]).tolist() == [4, 4, 4]
 
 
+@pytest.mark.slow
 def test_the_program_never_drives_into_a_socket_and_asks_at_each_pose(planned):
     ((_, files),) = planned.programs
     cell, found = planned.cell, read_back("urscript", files)
@@ -72,6 +74,7 @@ def test_geometry_is_found_and_chance_is_called_chance(planned):
     assert found.diagnosis.found == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [

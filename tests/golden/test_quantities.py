@@ -70,6 +70,7 @@ def test_the_table_is_of_these_cases_alone():
     assert {q.case for q in read_table(TABLE)} <= {c.name for c in CASES} - silent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", [pytest.param(c, marks=() if c.name in QUICK else pytest.mark.long, id=c.name) for c in CASES]
 )

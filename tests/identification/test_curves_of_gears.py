@@ -53,6 +53,7 @@ class RegionsPredictedError(Exception):
     """Ends a release once the regions are predicted."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("taken", [True, pytest.param(False, marks=pytest.mark.long)], ids=["curves", "harmonics"])
 def test_regions_held_out_are_predicted_by_the_families_of_the_posterior(taken, monkeypatch):
     """What they say of it would else be said of a robot that nobody is given."""

@@ -97,6 +97,7 @@ def made(seed, soft, poses=40, tool=0.0):
         return load_run(path, 6), true | {f"compliance{j}": c for j, c in give.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("traced", [False, True])
 def test_plan_and_fit_have_one_set_of_parameters(traced):
     """Geometry, frames and compliances, the tool held by what a CMM knows of it, each left-out one with its reason."""
@@ -120,6 +121,7 @@ def test_the_declared_effect_is_a_stage_behind_the_geometry_and_is_not_sought_ag
     assert "joint compliance" not in {f.effect for f in found.findings} | {m.effect for m in found.limits}
 
 
+@pytest.mark.slow
 def test_predicted_and_found_standard_deviations_agree():
     """Up to the size of the noise, which the fit learns from the run: one factor for all parameters."""
     model, _, q = planned()
@@ -132,6 +134,7 @@ def test_predicted_and_found_standard_deviations_agree():
     assert np.all(np.abs(ratio / np.median(ratio) - 1) < 0.35), dict(zip(model.names, ratio, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tool", [pytest.param(0.0, marks=pytest.mark.long), 1.9e-6])
 def test_all_parameters_come_back_as_their_joint_chi_square_allows(tool):
     """Signed compliances of the size of Table 8 and errors in all 25 of the arm's own, over several arms.
@@ -153,6 +156,7 @@ def test_all_parameters_come_back_as_their_joint_chi_square_allows(tool):
     assert low < total < high
 
 
+@pytest.mark.slow
 def test_a_declared_effect_stays_though_nothing_gains_and_that_is_said():
     run, _ = made(0, soft=0.0)
     found = identify(run, cell(), settings=FITTED)
@@ -163,6 +167,7 @@ def test_a_declared_effect_stays_though_nothing_gains_and_that_is_said():
     assert identify(run, undeclared, settings=FITTED).stages[-1].name == "geometry"
 
 
+@pytest.mark.slow
 def test_undeclared_compliance_comes_where_held_out_samples_gain():
     run, true = made(1, soft=1e-4)
     undeclared = replace(cell(), plan=replace(cell().plan, effects=()))
@@ -173,6 +178,7 @@ def test_undeclared_compliance_comes_where_held_out_samples_gain():
     assert {n for n in true if n.startswith("compliance")} <= set(found.fit.model.names)
 
 
+@pytest.mark.slow
 def test_an_effect_that_nobody_knows_is_refused():
     run, _ = made(0, soft=0.0)
     wrong = replace(cell(), plan=replace(cell().plan, effects=("joint complience",)))
@@ -203,6 +209,7 @@ def test_the_last_offset_and_angle_are_known_no_better_than_the_point_that_hangs
     assert std[names.index("theta6")] > cell().tool.prior / cell().tool.p_FM[0]
 
 
+@pytest.mark.slow
 def test_effects_come_in_the_order_in_which_they_are_declared_each_once():
     run, _ = made(1, soft=1e-4)
     several = ("soft base", "joint compliance", "soft base")

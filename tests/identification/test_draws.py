@@ -45,6 +45,7 @@ def density(model, factors, logs):
     return multivariate_normal(np.zeros(len(model.y)), covariance).logpdf(model.y)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("m", "p"), [(20, 9), (6, 13)])
 def test_what_the_noise_may_be_is_drawn_as_the_dense_covariance_says(m, p):
     """Its mean is D C⁻¹ y and its covariance D − D C⁻¹ D, with D the noise and C the covariance of the readings."""
@@ -120,6 +121,7 @@ def prior_of(pair, pools):
     return log
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "pools",
     [pytest.param((0, 0), marks=pytest.mark.long), pytest.param((1, 1), marks=pytest.mark.long), (1, 2)],
@@ -144,6 +146,7 @@ def test_shares_of_the_draws_are_the_probabilities(monkeypatch, pools):
     assert np.abs(share - chance).max() < 0.04
 
 
+@pytest.mark.slow
 def test_what_acts_is_found_and_what_does_not_is_absent():
     rng = np.random.default_rng(3)
     columns, family = rng.normal(size=(200, 60)), np.repeat([0, 1], 30)
@@ -276,6 +279,7 @@ def arm_beside_a_bar_that_hangs(run, families, rng):
     return np.sqrt((off.mean(axis=1) ** 2).mean()), np.sqrt(off.var(axis=1).mean())
 
 
+@pytest.mark.slow
 def test_a_bar_that_hangs_is_told_from_the_arm():
     """What the arm takes up of it is what is stated; beside a gauge of any shape alone it is more."""
     setup, q = setup_of(load_cell(str(CELLS["bar"]), planning=False)), bar_poses()
@@ -340,6 +344,7 @@ def gap_of_lumps(families, q, rng):
     return (error[-2] - error[-1] - gaps.mean()) / gaps.std()
 
 
+@pytest.mark.slow
 def test_a_gear_of_which_high_waves_are_seen_may_err_once_a_turn():
     """Where a joint is measured about two angles, each beside a gauge whose place is free, once a turn is hardly seen.
 

@@ -36,6 +36,7 @@ def left_by(found, which):
     return float((columns @ covariance * columns).sum()) / len(released.tool.q) + released.beside_square
 
 
+@pytest.mark.slow
 def test_each_reading_leaves_what_the_inverse_says(found):
     history, n = error_history(found.released, found.run.samples), len(found.run)
     square = history.error**2
@@ -47,6 +48,7 @@ def test_each_reading_leaves_what_the_inverse_says(found):
     assert history.minutes is None
 
 
+@pytest.mark.slow
 def test_the_worth_of_a_pose_is_what_is_lost_without_it(found):
     history, every = error_history(found.released, found.run.samples), np.arange(len(found.run))
     whole = left_by(found, every)
@@ -54,6 +56,7 @@ def test_the_worth_of_a_pose_is_what_is_lost_without_it(found):
         assert history.worth[k] == pytest.approx(left_by(found, np.delete(every, k)) / whole - 1.0, rel=1e-3, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_the_chart_shows_what_was_planned_beside_what_was_reached(found):
     planned = found.model_copy(update={"planned_errors": (tuple(np.linspace(2e-3, 1e-4, 40)),)})
     chart = history_charts(CalibrationFacts(planned))[0]
@@ -63,6 +66,7 @@ def test_the_chart_shows_what_was_planned_beside_what_was_reached(found):
     assert f"pose {best}" in chart.caption
 
 
+@pytest.mark.slow
 def test_of_two_sessions_each_plan_begins_where_its_session_does_and_the_clock_goes_on(found):
     n = len(found.run)
     first = n // 2

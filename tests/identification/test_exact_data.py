@@ -46,6 +46,7 @@ def test_the_noise_of_residuals_that_are_next_to_nothing_is_a_part_of_what_is_de
     assert noise == Noise(least_noise(), least_noise(), least_noise())
 
 
+@pytest.mark.slow
 @few_draws()
 @pytest.mark.parametrize("unit", [pytest.param(0.0, marks=pytest.mark.long), 1e-7])
 def test_exact_readings_of_a_tracker_give_the_robot(unit):
@@ -60,6 +61,7 @@ def test_exact_readings_of_a_tracker_give_the_robot(unit):
     assert history.error[-1] == pytest.approx(found.workspace_error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", MAKE)
 def test_exact_readings_of_the_nominal_robot_leave_it_as_it_is(kind):
     run, cell = exact(kind, errors=False)

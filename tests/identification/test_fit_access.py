@@ -44,6 +44,7 @@ def linear(fit):
     return np.vstack([rows, np.eye(len(z))]), np.concatenate([white + rows @ z, 0 * z])
 
 
+@pytest.mark.slow
 def test_influence_is_that_of_the_regression_with_the_priors_as_readings(fits):
     """Against normal equations of the stacked rows, each sample left out in turn."""
     fit = fits[0].calibration.fit
@@ -156,6 +157,7 @@ def test_arviz_has_the_draws_and_counts_them_as_one_chain(fits):
     np.testing.assert_array_equal(made["observed_data"]["residual"], found.influence.residual)
 
 
+@pytest.mark.slow
 def test_many_runs_are_those_of_one_by_one_with_progress(plan, cell):
     said = []
     runs = simulate_many(plan, [4, 5], processes=2, progress=lambda *step: said.append(step))
@@ -166,6 +168,7 @@ def test_many_runs_are_those_of_one_by_one_with_progress(plan, cell):
     assert not np.array_equal(many[0].values, many[1].values)
 
 
+@pytest.mark.slow
 def test_many_files_are_read_and_identified_after_data_frames_were_used(plan, cell, tmp_path):
     """A copy of a process that has used data frames would wait for ever for their threads."""
     runs = [made.run for made in simulate_many(plan, [4, 5])]
@@ -179,6 +182,7 @@ def test_many_files_are_read_and_identified_after_data_frames_were_used(plan, ce
     assert simulate_many(plan, [1], truth=str(paths[0]))[0].run.truth == simulate(plan, truth=paths[0]).run.truth
 
 
+@pytest.mark.slow
 def test_a_truth_may_be_a_mapping_and_priors_too(plan, cell):
     run = simulate(plan, truth={"theta2_deg": 0.1, "a3_mm": -0.4}, seed=2).run
     assert {"theta2_deg = 0.1", "a3_mm = -0.4"} <= set(run.truth)
@@ -196,6 +200,7 @@ def test_a_truth_may_be_a_mapping_and_priors_too(plan, cell):
         identify_many([run], cell=cell, priors={"theta9_deg": 0.1}, processes=1)
 
 
+@pytest.mark.slow
 def test_a_run_goes_out_as_a_frame_and_comes_back(plan, cell):
     run = simulate(plan, seed=1).run
     frame = frame_of_run(run)

@@ -92,6 +92,7 @@ def test_clean_arms_are_calibrated(tmp_path, gauge, arm):
     assert problems_of(made(gauge, arm), tmp_path) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gauge", ["tracker", pytest.param("bar", marks=pytest.mark.long)])
 def test_another_robot_is_named(tmp_path, gauge):
     said = problems_of(made(gauge, "ur10"), tmp_path, texts=[('robot = "ur10"', 'robot = "ur5e"')])
@@ -103,6 +104,7 @@ def test_a_link_that_is_really_off_by_16_mm_is_beyond_what_links_are(tmp_path):
     assert re.match(r"no such robot is so far off: a2 \(.*\) by 1[56]\.\d mm", said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("unit", "mm"), [("inches", 25.4), pytest.param("cm", 10.0, marks=pytest.mark.long)])
 def test_another_unit_is_named(tmp_path, unit, mm):
     with pytest.raises(NoSolutionError, match=f"perhaps the readings are in {unit}, not in mm"):
@@ -115,6 +117,7 @@ def test_joints_in_another_order_are_named(tmp_path):
     assert "the columns of joints 4 and 5 are exchanged" in said
 
 
+@pytest.mark.slow
 def test_a_zero_that_is_lost_is_found_where_the_cell_allows_it(tmp_path):
     run = made("tracker", "kuka-kr6-r700", off={"theta3": 3 * DEG})
     (said,) = problems_of(run, tmp_path)
@@ -124,6 +127,7 @@ def test_a_zero_that_is_lost_is_found_where_the_cell_allows_it(tmp_path):
     assert problems_of(run, tmp_path, texts=allowed) == ()
 
 
+@pytest.mark.slow
 def test_a_tool_that_is_known_to_some_mm_and_a_fixture_elsewhere_count_for_nothing(tmp_path):
     off = {"map_x": 6 * MM, "map_z": -5 * MM, "fixture_A_x": 15 * MM}
     assert problems_of(made("bar", "kuka-kr6-r700", off=off), tmp_path) == ()
@@ -160,6 +164,7 @@ def test_the_evidence_is_the_density_of_the_readings():
         np.testing.assert_allclose(v**2, np.diag(np.diag(s**2) - gain @ X @ np.diag(s**2)), atol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_factor_is_told_from_links_as_far_as_it_can_be():
     """Links of a third of the declared size, as measured arms have; 200 arms each."""
     found = {}

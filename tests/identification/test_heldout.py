@@ -172,6 +172,7 @@ def test_folds_by_linearisation_are_those_of_full_fits(n):
     assert fast.refitted == ()
 
 
+@pytest.mark.slow
 def test_a_frame_that_only_the_fold_knows_is_fitted_there_and_named():
     """Five stations of a tracker, held out whole: each one's own frame comes from its own samples."""
     arm = arm_of("ur10")
@@ -209,6 +210,7 @@ NOISE_ONLY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", NOISE_ONLY)
 def test_a_run_with_noise_alone_is_explained_to_the_noise(what):
     """None of an effect is found, and held-out poses are as good as for a fit with the true arm's own rows."""
@@ -222,6 +224,7 @@ def test_a_run_with_noise_alone_is_explained_to_the_noise(what):
     assert held == pytest.approx(made.noise_rms, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["comau-nj130", pytest.param("kuka-kr6-r700", marks=pytest.mark.long)])
 def test_parameters_of_a_whole_identification_are_as_far_off_as_stated(name):
     """Through the files: joint χ² over three runs against the truth regrouped by the generator's own Jacobian."""

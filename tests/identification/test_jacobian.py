@@ -25,6 +25,7 @@ def differences(model: Model, s, t, errors):
     return np.stack(columns, axis=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", rigs.KINDS)
 @pytest.mark.parametrize("name", ["comau-nj130", "kuka-kr6-r700"])
 def test_rows_are_the_derivative_of_the_prediction(name, kind):

@@ -69,6 +69,7 @@ def predicted(fit, name, q):
     return fit.model.reading(samples, fit.errors)[:, 0] + setup.zero
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["bar", "wire"])
 def test_the_joint_fit_is_the_stacked_least_squares(tmp_path, other):
     world = World.drawn(5)
@@ -90,6 +91,7 @@ def test_the_joint_fit_is_the_stacked_least_squares(tmp_path, other):
         assert np.sqrt((apart**2).mean()) < 0.5  # of a standard deviation: noise is estimated there, and known here
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["bar", pytest.param("wire", marks=pytest.mark.long)])
 def test_a_joint_that_jumps_between_two_sessions_is_named(tmp_path, other):
     world = World.drawn(1)
@@ -119,6 +121,7 @@ def test_nothing_is_named_where_nothing_jumped(tmp_path, other, seed):
     assert [f.name for f in found.findings] == []
 
 
+@pytest.mark.slow
 def test_a_fixture_of_one_name_is_another_place_in_each_session(tmp_path):
     world = World.drawn(2)
     moved = BAR_LEFT.__class__(**{**vars(BAR_LEFT), "off": (-2e-3, 1e-3, 0.0), "zero": 0.0})
@@ -130,6 +133,7 @@ def test_a_fixture_of_one_name_is_another_place_in_each_session(tmp_path):
     np.testing.assert_allclose(shift[1] - shift[0], np.subtract(moved.off, BAR_LEFT.off), atol=5e-5)
 
 
+@pytest.mark.slow
 def test_what_does_not_belong_together_is_refused_in_one_sentence(tmp_path):
     world = World.drawn(3)
     one = world.measure(tmp_path / "one", BAR_LEFT, 3)

@@ -31,6 +31,7 @@ def drawn():
     return {"factors": [d.factors.tolist() for d in draws], "noise": draws[-1].noise_logs.tolist(), "limit": limit}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="OpenBLAS chooses its kernel by this name on x86")
 def test_another_kernel_draws_the_same():
     found = []

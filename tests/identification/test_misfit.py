@@ -64,6 +64,7 @@ def typical(misfit):
     return float(np.median(misfit.stretch)), float(np.median(misfit.rest))
 
 
+@pytest.mark.slow
 def test_what_no_reading_tells_of_is_not_stretched():
     """Of readings ten times as far off, in directions that the priors alone leave open, nothing is learnt."""
     part = held_out(3, stretch=10.0)
@@ -72,12 +73,14 @@ def test_what_no_reading_tells_of_is_not_stretched():
     assert np.median(draw_misfit([part], 400, NAMED).stretch) > 3
 
 
+@pytest.mark.slow
 def test_readings_as_expected_say_of_no_misfit():
     found = [draw_misfit([held_out(seed)], 400, NAMED) for seed in range(20)]
     assert np.median([m.probability for m in found]) < 0.3
     assert all(typical(m) == (1.0, 0.0) for m in found[:3])
 
 
+@pytest.mark.slow
 def test_a_posterior_that_is_not_sure_enough_is_left_as_it_is():
     found = [
         draw_misfit([held_out(seed, stretch=0.4), held_out(50 + seed, stretch=0.4)], 400, NAMED) for seed in range(20)
@@ -86,6 +89,7 @@ def test_a_posterior_that_is_not_sure_enough_is_left_as_it_is():
     assert np.median([np.quantile(m.stretch, 0.95) for m in found]) < 1.2
 
 
+@pytest.mark.slow
 def test_regions_that_differ_leave_the_stretch_open():
     """Of four regions two are as expected and two five times as far off: what the next one is nobody knows well."""
     found = [
@@ -97,6 +101,7 @@ def test_regions_that_differ_leave_the_stretch_open():
     assert high > 4.0
 
 
+@pytest.mark.slow
 def test_the_limit_does_not_hang_on_the_seed():
     """What 95 % of the stretches stay below is that of a hundred times as many, whatever order they come in."""
     parts = [held_out(k, stretch=s) for k, s in enumerate((1.0, 2.0, 5.0, 3.0))]
@@ -105,6 +110,7 @@ def test_the_limit_does_not_hang_on_the_seed():
     assert np.ptp(limits) < 1e-9 * limits[0]
 
 
+@pytest.mark.slow
 def test_readings_that_move_together_count_as_one():
     """A single direction open, seen by 300 readings: it says as little of the stretch as one number does."""
     rng = np.random.default_rng(0)
@@ -120,17 +126,20 @@ def test_readings_that_move_together_count_as_one():
     assert np.median(found) > 0.3
 
 
+@pytest.mark.slow
 def test_a_posterior_that_is_too_sure_is_stretched():
     found = np.array([typical(draw_misfit([held_out(seed, stretch=4.0)], 400, NAMED))[0] for seed in range(20)])
     assert abs(np.log(np.median(found) / 4.0)) < 0.2
     assert np.std(np.log(found)) < 0.35
 
 
+@pytest.mark.slow
 def test_what_moves_the_tool_at_each_pose_alone_is_the_rest():
     found = np.array([typical(draw_misfit([held_out(seed, rest=4e-5)], 400, NAMED))[1] for seed in range(20)])
     assert np.median(found) == pytest.approx(4e-5, rel=0.2)
 
 
+@pytest.mark.slow
 def test_regions_whose_rests_differ_leave_open_how_large_the_next_one_is():
     """Four regions alike, or two with hardly any rest and two with much: as much on average, and known less well."""
     spread = []
@@ -143,11 +152,13 @@ def test_regions_whose_rests_differ_leave_open_how_large_the_next_one_is():
     assert spread[1] > 1.4 * spread[0]
 
 
+@pytest.mark.slow
 def test_a_gauge_that_is_a_little_noisier_than_its_data_sheet_is_no_misfit():
     found = [draw_misfit([held_out(seed, noise=1.15)], 400, NAMED) for seed in range(20)]
     assert np.median([m.rest_square**0.5 for m in found]) < NOISE
 
 
+@pytest.mark.slow
 def test_poses_measured_again_tell_noise_from_misfit():
     """What is left is as large as noise or as misfit would leave it: only readings of the same poses tell which."""
 
@@ -160,6 +171,7 @@ def test_poses_measured_again_tell_noise_from_misfit():
     assert rest(1.0) == pytest.approx(np.sqrt(1.5**2 - 1) * NOISE, rel=0.2)
 
 
+@pytest.mark.slow
 def test_families_without_a_name_make_a_rest_likelier():
     found = [
         np.mean([draw_misfit([held_out(seed, noise=1.3)], 400, np.full(3, n)).rest ** 2 for seed in range(10)])
@@ -169,6 +181,7 @@ def test_families_without_a_name_make_a_rest_likelier():
     assert no_rest_probability(np.array([1])) > 0.5 > no_rest_probability(np.array([5]))
 
 
+@pytest.mark.slow
 def test_poses_measured_again_scatter_by_the_noise_of_gauge_and_joints(tmp_path):
     """Four visits to each of 20 poses, of a bar whose scatter the arm itself says; geometry is not even fitted."""
     true = make_arm(3, "bar", 0, False)
@@ -191,11 +204,13 @@ def test_poses_measured_again_scatter_by_the_noise_of_gauge_and_joints(tmp_path)
     assert repeats.square / repeats.freedom == pytest.approx(expected, rel=3 * np.sqrt(2 / 60))
 
 
+@pytest.mark.slow
 def test_no_misfit_is_said_by_no_draw():
     assert Misfit(np.ones(5), np.zeros(5)).probability == 0.0
     assert Misfit(np.array([1.0, 2.0]), np.zeros(2)).probability == 0.5
 
 
+@pytest.mark.slow
 def test_harmonics_of_gravity_are_those_of_the_direction_in_the_part():
     """Degree 1 is the direction itself, and all are orthonormal over directions."""
     cell = load_cell("comau-nj130/edbb", planning=False)
@@ -213,6 +228,7 @@ def test_harmonics_of_gravity_are_those_of_the_direction_in_the_part():
     assert (third**2).sum(axis=0) == pytest.approx(7.0 * even)  # addition theorem
 
 
+@pytest.mark.slow
 def test_a_part_turns_as_much_as_is_usual_whatever_moves_it():
     cell = load_cell("comau-nj130/edbb", planning=False)
     q = np.random.default_rng(1).uniform(*cell.joint_range, (500, 6))
@@ -231,6 +247,7 @@ def test_a_part_turns_as_much_as_is_usual_whatever_moves_it():
         assert np.sqrt(square * waves * 2 if "joint" in name else square) == pytest.approx(PART_TURN, rel=0.01), name
 
 
+@pytest.mark.slow
 def test_a_base_that_opens_to_one_side_is_waves_of_the_side_to_which_the_arm_leans():
     """Of a plate that opens under the moment to one side alone, without the linear part that a soft base has."""
     cell = load_cell("comau-nj130/edbb", planning=False)
@@ -271,6 +288,7 @@ def identified_run(request):
     return bool(hidden), found, float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
+@pytest.mark.slow
 def test_a_run_with_a_cause_that_no_catalogue_lists_says_so(identified_run):
     foreign, found, true = identified_run
     release = found.release
@@ -283,6 +301,7 @@ def test_a_run_with_a_cause_that_no_catalogue_lists_says_so(identified_run):
         assert found.workspace_error < 0.5 * release.geometry_anywhere
 
 
+@pytest.mark.slow
 def test_the_parts_make_up_what_is_stated(identified_run):
     _, found, _ = identified_run
     parts = found.release.parts
@@ -294,6 +313,7 @@ def test_the_parts_make_up_what_is_stated(identified_run):
     assert again.release.parts.seen == pytest.approx(parts.seen, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_what_moves_the_tool_beside_a_nameless_cause_may_be_a_part_of_it(identified_run):
     """What is nameless has its share in what both move; the probabilities stay those of one comparison."""
     hidden, found, _ = identified_run
@@ -310,6 +330,7 @@ def test_what_moves_the_tool_beside_a_nameless_cause_may_be_a_part_of_it(identif
     assert len(twice.rivals) == len(moved.rivals)
 
 
+@pytest.mark.slow
 def test_what_a_gauge_does_by_itself_may_be_a_part_of_a_nameless_cause_too(identified_run):
     """A hose that pulled at four joints was called a lobed ball of the bar (99 %), which moves no tool."""
     hidden, found, _ = identified_run

@@ -42,6 +42,7 @@ def test_what_the_cell_declares_does_not_count():
     assert not ChainLimits().counts("gear ripple, joint 2")
 
 
+@pytest.mark.slow
 @few_draws()
 def test_a_run_with_two_causes_is_told_by_one(tmp_path):
     made = random_run(tracker, Arm.from_toml("kuka-kr6-r700"), 6, ["reducer-ripple", "encoder-once"], 3.0, n_poses=60)

@@ -115,6 +115,7 @@ def test_compliance_without_masses_is_a_turn():
     assert all(p.prior == pytest.approx(3e-4) for p in context_turn)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joint", "by", "ratio", "words"),
     [(3, 2, -1.0, "couple = { 2 = -1 }"), (4, 4, -2.0, "joint 4 counts the other way")],

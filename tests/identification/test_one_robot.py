@@ -55,6 +55,7 @@ def of_parameters(parameters, what):
     return [[rows[f"{what}_{axis}"][key] for axis in "xyz"] for key in ("value", "std")]
 
 
+@pytest.mark.slow
 def test_the_tool_is_one_wherever_it_stands(written):
     found, folder, _ = written
     said, robot = document(folder), tomllib.loads((folder / "robot.toml").read_text())
@@ -78,6 +79,7 @@ def test_the_tool_is_one_wherever_it_stands(written):
     assert numbers[1::2] == pytest.approx(std, abs=6e-4)
 
 
+@pytest.mark.slow
 def test_the_fixture_is_one_wherever_it_stands(written):
     found, folder, _ = written
     said = document(folder)
@@ -89,6 +91,7 @@ def test_the_fixture_is_one_wherever_it_stands(written):
     assert [float(v) for v in re.findall(r"-?\d+\.\d+", shown)][::2] == pytest.approx(at, abs=6e-4)
 
 
+@pytest.mark.slow
 def test_every_parameter_of_the_geometry_is_the_one_that_is_written(written):
     found, folder, _ = written
     said, nominal = document(folder), Arm.from_toml(NAME)
@@ -113,6 +116,7 @@ def test_every_parameter_of_the_geometry_is_the_one_that_is_written(written):
             assert float(value) == pytest.approx(now[name] * factor, abs=max(0.6 * 10**-decimals, 1e-6)), name
 
 
+@pytest.mark.slow
 def test_effects_are_those_of_the_file_or_none(written):
     """An effect of the last stage that the robot does not hold is none of its parameters."""
     found, folder, _ = written
@@ -124,6 +128,7 @@ def test_effects_are_those_of_the_file_or_none(written):
     assert {p["name"] for p in document(folder)["parameters"] if p["group"] not in ("gauge", "geometry")} <= held
 
 
+@pytest.mark.slow
 def test_what_is_written_explains_the_readings_by_itself(written):
     """Robot, tool, fixture and zero, each from where a person reads it, put together by hand."""
     _, folder, run = written
@@ -138,6 +143,7 @@ def test_what_is_written_explains_the_readings_by_itself(written):
     assert rms < 0.05e-3
 
 
+@pytest.mark.slow
 def test_what_the_last_stage_fitted_stands_apart(written):
     found, folder, _ = written
     fit, said = found.calibration.fit, document(folder)
@@ -149,6 +155,7 @@ def test_what_the_last_stage_fitted_stands_apart(written):
             assert (p["value"] - p["nominal"]) * factor == pytest.approx(error, abs=2e-9)
 
 
+@pytest.mark.slow
 def test_standard_deviations_hold_the_truth(written, tmp_path):
     """The square error that is expected of each joint zero, against the arm that was drawn; four of them at most."""
     found, _, _ = written
@@ -163,6 +170,7 @@ def test_standard_deviations_hold_the_truth(written, tmp_path):
     assert np.sqrt(np.mean(np.square(off))) < 1.6
 
 
+@pytest.mark.slow
 def test_the_zeros_on_the_screen_are_those_of_the_released_robot(written):
     found, folder, _ = written
     now = {s.name: s.nominal for s in Arm.from_toml(folder / "robot.toml").slots}
@@ -184,6 +192,7 @@ def test_the_zeros_on_the_screen_are_those_of_the_released_robot(written):
         assert all(f"joint {joint} {value} ± {std}°" in text for joint, value, std in stated)
 
 
+@pytest.mark.slow
 def test_a_document_of_the_version_before_is_read(written, tmp_path):
     _, folder, _ = written
     old = document(folder)

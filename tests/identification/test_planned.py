@@ -42,6 +42,7 @@ def planned(reference):
     return model, World(arm, q, np.arange(POSES) * 20.0, fixture, tool, run, cell, fitted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reference", QUICK_CELLS)
 def test_plan_and_fit_use_the_same_parameters(reference):
     plan, w = planned(reference)

@@ -85,6 +85,7 @@ def test_it_beats_geometry_alone_anywhere_and_states_its_error():
     assert 0.4 < off_plain / plain.workspace_error < 2.0
 
 
+@pytest.mark.slow
 def test_the_written_robot_holds_the_posterior_mean():
     """Flange positions of the file against the model with all of its parameters; faint effects are left out."""
     found, _ = judged(0)
@@ -167,6 +168,7 @@ def known():
         return found, ExpectedError.read(load_robot(str(path)), path)
 
 
+@pytest.mark.slow
 def test_an_expected_error_that_was_edited_is_not_taken(tmp_path):
     found, expected = known()
     (tmp_path / "robot.toml").write_text(dict(calibrated_files(found))["robot.toml"])
@@ -177,6 +179,7 @@ def test_an_expected_error_that_was_edited_is_not_taken(tmp_path):
     assert "was changed by hand since edbb wrote it (rest_mm)" in str(said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [pytest.param(None, marks=pytest.mark.long), (0.1, -0.05, 0.2)])
 def test_the_file_expects_at_a_programs_poses_what_drawn_robots_do(offset):
     """Robots drawn from the posterior, by the whole forward model, their bases aligned over the workspace (Kabsch)."""
@@ -207,6 +210,7 @@ def test_the_file_expects_at_a_programs_poses_what_drawn_robots_do(offset):
     assert 0.5 < ratio.min() < ratio.max() < 2.0
 
 
+@pytest.mark.slow
 def test_what_was_written_expects_over_the_workspace_what_the_identification_states():
     found, expected = known()
     released = by_posterior(found.released)

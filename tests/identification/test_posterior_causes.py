@@ -31,6 +31,7 @@ def untraced(*effects):
         return identify(load_run(run_file, 6), load_cell(str(cell_file), planning=False), tracer=finds_nothing)
 
 
+@pytest.mark.slow
 def test_a_clean_arm_has_no_causes():
     assert untraced().findings == ()
 
@@ -49,6 +50,7 @@ def test_what_acts_at_many_places_stands_for_it_by_the_cause_at_its_own():
 PLAY = 4e-4  # [rad] between the two directions
 
 
+@pytest.mark.slow
 def test_play_is_named_at_its_joint_with_its_size():
     """The background has play of all joints as one family; the place where it is seen is named."""
     play = untraced(effect("backlash-approach", 3, PLAY)).findings[0]
@@ -73,6 +75,7 @@ def test_what_it_takes_away_is_what_is_left_without_it():
     assert found.findings[0].gain == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_finding_that_the_posterior_speaks_against_leaves_the_list():
     """A cause that is not there, though a stage had it: it is said where it was looked at and rejected."""
     found = untraced(effect("backlash-approach", 3, PLAY))

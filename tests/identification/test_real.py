@@ -62,6 +62,7 @@ def ur5():
     return c
 
 
+@pytest.mark.slow
 def test_ur5_is_better_on_poses_kept_apart_than_what_was_published(ur5):
     """Published: 0.155 mm after a neural network."""
     assert ur5.problems == ()
@@ -69,6 +70,7 @@ def test_ur5_is_better_on_poses_kept_apart_than_what_was_published(ur5):
     assert stage(ur5, "nominal").validation.mean > 0.4 * MM
 
 
+@pytest.mark.slow
 def test_ur5_held_out_poses_foretell_the_validation(ur5):
     """Twenty poses: their mean error has a standard deviation of about a tenth of itself."""
     assert ur5.stages[-1].held_out.mean == pytest.approx(ur5.stages[-1].validation.mean, rel=0.3)
@@ -82,6 +84,7 @@ def ur10():
     return c
 
 
+@pytest.mark.slow
 def test_ur10_blocks_in_the_order_of_measuring_are_held_out(ur10):
     """One of its ten sessions holds 89 % of the samples, eight hold one or two: held out whole they say nothing."""
     share = np.bincount(ur10.run.samples.session) / len(ur10.run)
@@ -93,6 +96,7 @@ def test_ur10_blocks_in_the_order_of_measuring_are_held_out(ur10):
     assert ur10.noise_floor is None  # no pose is measured twice: no block knows another's poses
 
 
+@pytest.mark.slow
 def test_ur10_reaches_what_geometry_can(ur10):
     assert [s.name for s in ur10.stages][:3] == ["nominal", "frames", "geometry"]
     assert ur10.problems == ()
@@ -127,6 +131,7 @@ def mean_to_sockets(x, run: Run) -> float:
     return float(np.linalg.norm(x - centre[socket], axis=1).mean())
 
 
+@pytest.mark.slow
 def test_panda_reaches_placements_that_it_never_saw(panda):
     """Mean distance to the mean ball centre of each socket, as published (0.347 mm; 7.8 mm uncalibrated)."""
     c, others = panda
@@ -135,6 +140,7 @@ def test_panda_reaches_placements_that_it_never_saw(panda):
     assert mean <= 0.36 * MM
 
 
+@pytest.mark.slow
 def test_panda_says_that_plates_were_fitted_on_the_validation(panda):
     """Against one rigid plate with its 50 mm a placement, not against each socket's own mean, it is a little more."""
     c, others = panda
@@ -171,6 +177,7 @@ def scale_sigma(c: Calibration, known_distance: bool, prior_factor: float) -> fl
     return float(np.linalg.norm(np.linalg.solve(R.T, along)))
 
 
+@pytest.mark.slow
 def test_panda_says_how_well_50_mm_hold_the_scale(panda):
     """Without a known length all lengths may shrink together: only their priors hold them."""
     c, _ = panda

@@ -48,6 +48,7 @@ def records(draw):
     return sizes, pool, factors, SimpleNamespace(effects=effects, draws=[SimpleNamespace(factors=f) for f in factors])
 
 
+@pytest.mark.slow
 @given(made=records())
 def test_odds_are_those_of_the_mean_share_and_finite_whatever_acts(made):
     sizes, pool, factors, record = made

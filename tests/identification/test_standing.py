@@ -31,6 +31,7 @@ def error_of(found, name):
     return float(fit.errors[fit.model.names.index(name)])
 
 
+@pytest.mark.slow
 @few_draws()
 @pytest.mark.parametrize("release", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_the_bases_errors_count_from_the_cells_place(release):
@@ -49,6 +50,7 @@ def test_the_bases_errors_count_from_the_cells_place(release):
     assert not any("from where [artifact]" in w for w in (*here.warnings, *there.warnings))
 
 
+@pytest.mark.slow
 def test_an_artifact_found_elsewhere_is_told():
     run, _ = made(2, soft=1e-4)
     found = identify(run, moved((0, 100, 0)), settings=FitSettings(release=False))

@@ -41,6 +41,7 @@ def test_over_the_targets_the_errors_are_those_that_are_stated_everywhere():
         assert np.sqrt((errors**2).mean(axis=0)) == pytest.approx(released.drawn_errors(fit), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.05, None, 1.0, 20.0])
 def test_the_answer_is_that_of_the_stated_share(factor):
     """A tolerance of what is stated is held by 95 of 100 robots, a twentieth by none, some other by half of them."""
@@ -66,6 +67,7 @@ def test_between_yes_and_no_nothing_is_known():
     assert judge_shares(np.repeat([0.99, 0.90], [96, 4])) == "yes"
 
 
+@pytest.mark.slow
 def test_the_document_keeps_it_and_the_words_say_it():
     use = judge_use(judged_targets(0)[0].released, REPEATS, 0.3 * MM)
     kept = use.model_dump(mode="json", by_alias=True)
@@ -77,6 +79,7 @@ def test_the_document_keeps_it_and_the_words_say_it():
     assert "tolerance_mm" not in judge_use(judged_targets(0)[0].released, REPEATS).model_dump(by_alias=True)
 
 
+@pytest.mark.slow
 def test_a_repeatability_that_no_file_says_is_called_assumed(tmp_path):
     assert not load_robot("ur10").repeatability_assumed
     text = (data_folder("robots") / "ur10/robot.toml").read_text()

@@ -80,6 +80,7 @@ def calibrated(tmp_path_factory):
     return folder / "out", truth, shift_mm
 
 
+@pytest.mark.slow
 def test_each_measured_point_is_a_measured_tool(calibrated, tmp_path):
     folder, *_ = calibrated
     robot, known = read(folder)
@@ -101,6 +102,7 @@ def test_each_measured_point_is_a_measured_tool(calibrated, tmp_path):
     assert "another tool" not in done.stdout + done.screen
 
 
+@pytest.mark.slow
 def test_what_is_stated_of_both_points_is_as_large_as_the_truth(calibrated):
     folder, truth, shift_mm = calibrated
     written, known = read(folder)

@@ -27,6 +27,7 @@ from tests.simulation.generator.runs import balls
 from tests.simulation.generator.truth import Noise, draw_truth
 
 
+@pytest.mark.slow
 def test_a_size_that_no_reading_determines_keeps_its_prior():
     """A family of a column of zeros, beside one that the readings show."""
     rng = np.random.default_rng(0)

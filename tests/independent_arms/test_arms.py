@@ -85,6 +85,7 @@ def test_a_loose_bolt_stays_where_friction_keeps_it():
     assert np.any(one.twist[6] != two.twist[6][::-1])  # the way there matters
 
 
+@pytest.mark.slow
 def test_own_fit_finds_the_geometry_of_a_clean_arm():
     for gauge, most in (("bar", 0.08), ("tracker", 0.02)):
         true = make_arm(4, gauge, 0, False)
@@ -101,6 +102,7 @@ def test_rigid_motion_is_found():
     np.testing.assert_allclose(place @ turn.T + shift, place[:, [1, 2, 0]] + [1, 2, 3], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_seeds_say_all_and_those_for_judgement_are_kept():
     once, again = (Session("tracker").measure(make_arm(7, "tracker", 3, True)) for _ in range(2))
     assert all(np.array_equal(once[k], again[k]) for k in once)

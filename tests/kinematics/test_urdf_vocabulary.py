@@ -195,6 +195,7 @@ def test_a_unit_that_is_no_length_is_refused(tmp_path):
         mesh_unit(collada(tmp_path / "wedge.dae", '<unit meter="mm"/>'))
 
 
+@pytest.mark.slow
 def test_a_mesh_that_is_missing_stops_plans_and_no_identification(tmp_path):
     text = arm().replace('<cylinder radius="0.03" length="0.1"/>', '<mesh filename="package://arm/base.stl"/>', 1)
     robot = load(tmp_path, text)

@@ -33,6 +33,7 @@ def refused(run, *words, cell=None, error=InputError):
     assert "\n" not in text
 
 
+@pytest.mark.slow
 def test_the_good_run_is_taken(good):
     assert not evaluate_loaded_circles(shared.run_of(*good), shared.cell()).problems
 
@@ -156,6 +157,7 @@ def test_another_gauge(good):
     refused(shared.run_of(*good), "ldbb", "tracker", cell=replace(cell, gauge=other))
 
 
+@pytest.mark.slow
 def test_a_trackers_run_that_is_none_or_of_another_path(good):
     run = shared.run_of(*good)
     with pytest.raises(InputError, match="x_mm, y_mm, z_mm"):
@@ -176,6 +178,7 @@ def test_a_compliance_that_is_negative_beyond_its_uncertainty():
     assert "negative beyond its uncertainty" in problem
 
 
+@pytest.mark.slow
 def test_two_loads_are_enough_but_said_to_be_few(good):
     way, length = good
     two = way.force != 375.0

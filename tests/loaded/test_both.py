@@ -69,11 +69,13 @@ def done(folder, few_places):
     return plan_both(str(folder / "plan.json"), str(folder / "loaded.toml"), places=1)
 
 
+@pytest.mark.slow
 def test_only_poses_that_are_fitted_count(folder):
     free = UnloadedPoses.read(folder / "plan.json")
     assert len(free.samples) == len(json.loads((folder / "plan.json").read_text())["poses"]) - 2
 
 
+@pytest.mark.slow
 def test_the_set_is_as_good_as_brute_force():
     rng = np.random.default_rng(3)
     roots = rng.normal(size=(14, 3, 5)) * np.logspace(0, 1, 14)[:, None, None]
@@ -94,6 +96,7 @@ def test_the_place_adds_more_than_others_do(folder):
     assert worth[0] < np.quantile(worth, 0.35)  # of compliances alone; the choice looks at geometry too
 
 
+@pytest.mark.slow
 def test_places_in_the_way_are_left_out(folder):
     cell = load_cell(str(folder / "loaded.toml"))
     pool = find_circle_places(cell, steps=(3, 2))
@@ -104,6 +107,7 @@ def test_places_in_the_way_are_left_out(folder):
         collision_free_places(wide, pool)
 
 
+@pytest.mark.slow
 def test_one_fit_is_predicted_for_the_circles_as_driven(done):
     known = done.known
     assert done.unloaded is None
@@ -115,6 +119,7 @@ def test_one_fit_is_predicted_for_the_circles_as_driven(done):
     assert np.median(known.both[soft]) < 0.5 * np.median(known.unloaded[soft])
 
 
+@pytest.mark.slow
 def test_the_way_that_was_looked_at_is_driven(done, folder):
     """Another turn of the tool about its axis would be another lever for the last joints."""
     cell, free = load_cell(str(folder / "loaded.toml")), done.free
@@ -124,6 +129,7 @@ def test_the_way_that_was_looked_at_is_driven(done, folder):
     np.testing.assert_allclose(done.known.both, looked_at.both, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_files_of_a_session_and_the_cell_of_its_fit(done, tmp_path):
     done.write(tmp_path / "out")
     out = tmp_path / "out"
@@ -132,7 +138,7 @@ def test_files_of_a_session_and_the_cell_of_its_fit(done, tmp_path):
     assert {p["name"] for p in content["parameters"]} == set(done.known.names)
     row = next(p for p in content["parameters"] if p["name"] == "compliance1")
     assert row["std_together_urad_Nm"] == pytest.approx(row["share_together"] * row["prior_urad_Nm"], rel=1e-3)
-    assert (out / "pictures" / "known.png").stat().st_size > 10_000
+    assert 'id="known"' in (out / "report.html").read_text()
     assert json.loads((out / "loaded" / "plan.json").read_text())["plan_id"] == done.loaded.plan_id
     assert not (out / "unloaded").exists()  # it was there already
     cell = load_cell(str(out / "cell.toml"), planning=False)
@@ -141,6 +147,7 @@ def test_files_of_a_session_and_the_cell_of_its_fit(done, tmp_path):
     assert len(circles_of(cell)) == 1
 
 
+@pytest.mark.slow
 def test_sentences(done):
     compliance, geometry = describe_common_fit(done.known)
     assert compliance.startswith("Compliance, 6 parameters")
@@ -148,6 +155,7 @@ def test_sentences(done):
     assert common_fit_content(done.known, "x", 1, ["P1"], ())["sentences"] == [compliance, geometry]
 
 
+@pytest.mark.slow
 def test_cells_that_do_not_belong_together(folder, tmp_path):
     def refused(words, first, second=str(folder / "loaded.toml"), places=1):
         with pytest.raises(InputError, match=words):
@@ -168,11 +176,13 @@ def test_cells_that_do_not_belong_together(folder, tmp_path):
     refused("no poses to calibrate by", str(empty))
 
 
+@pytest.mark.slow
 def test_more_places_than_can_be_driven(folder):
     with pytest.raises(NoSolutionError, match="places were asked for, but only"):
         plan_both(str(folder / "plan.json"), str(folder / "loaded.toml"), places=12)
 
 
+@pytest.mark.slow
 def test_the_cell_of_the_fit_reaches_as_far_as_both_bars():
     cell = fit_cell(load_cell(FREE), load_cell(shared.CELL))
     assert cell.file.gauge.length_mm == (128.0, 520.0)

@@ -25,6 +25,7 @@ def test_the_papers_numbers_come_back():
     assert found[0] == pytest.approx(PUBLISHED[0], rel=0.02)
 
 
+@pytest.mark.slow
 def test_bad_guesses_lead_the_papers_form_astray_but_not_ours():
     rng = np.random.default_rng(1)
     astray = 0
@@ -52,6 +53,7 @@ def test_with_b_fixed_it_is_the_first_harmonic(phase):
     assert np.exp(1j * found.phase) == pytest.approx(np.exp(1j * phase), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_ball_off_its_place_is_found():
     truth = world.World(soft=np.full(6, 1e-9), offset=np.array([-6e-4, 2e-4, 0.0]), zero=0.0, white=1e-9)
     way = shared.course(loads=(100.0, 600.0), repeats=1)
@@ -62,6 +64,7 @@ def test_a_ball_off_its_place_is_found():
     np.testing.assert_allclose(circle.centre_offset, [6e-4, -2e-4], atol=4e-6)
 
 
+@pytest.mark.slow
 def test_offset_and_kinematic_error_are_those_of_the_unloaded_arm():
     """First harmonic and rest of the bar's length on the true arm without load, by another road."""
     truth, way, found = shared.evaluated()

@@ -73,6 +73,7 @@ def test_compliances_come_back_as_their_joint_chi_square_allows():
     assert np.mean(misfit) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_negative_forces_push_and_tell_the_same():
     truth, way = world.World(), shared.course(repeats=1)
     pulled, _ = world.readings(shared.arm(), truth, way, np.random.default_rng(1))
@@ -85,6 +86,7 @@ def test_negative_forces_push_and_tell_the_same():
     assert np.all(np.abs(values[0].value - values[1].value) < 3 * np.hypot(values[0].std, values[1].std) + 1e-9)
 
 
+@pytest.mark.slow
 def test_two_circles_know_more_than_one():
     truth, rng = world.World(wander=3e-6), np.random.default_rng(2)
     runs, rigs = [], []

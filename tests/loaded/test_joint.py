@@ -99,6 +99,7 @@ def test_compliances_are_as_true_as_they_say(cell, fits):
     assert low < np.mean(total) < 1.1 * high  # the noise without load is learnt from 110 readings
 
 
+@pytest.mark.slow
 def test_runs_of_two_robots_are_refused(cell, fits):
     assert not any(joint.problems for joint in fits)
     free, loaded = runs(np.random.default_rng(0))
@@ -110,6 +111,7 @@ def test_runs_of_two_robots_are_refused(cell, fits):
     assert "disagree" in said
 
 
+@pytest.mark.slow
 def test_each_bar_has_its_own_zero(fits):
     found = {e.name: e for e in fits[0].estimates}
     assert found["zero"].value == pytest.approx(3e-4, abs=4 * found["zero"].std)
@@ -118,6 +120,7 @@ def test_each_bar_has_its_own_zero(fits):
     assert abs(found["fixture_E_x"].value - E_TRUE[0]) < 4 * found["fixture_E_x"].std
 
 
+@pytest.mark.slow
 def test_the_model_has_two_zeros_only_where_there_are_two_bars(cell):
     both = setup_of(cell)
     assert tuple(both.loaded) == ("A",)
@@ -130,6 +133,7 @@ def test_the_model_has_two_zeros_only_where_there_are_two_bars(cell):
     np.testing.assert_array_equal(rows[:, columns], [[0, 1], [1, 0]])
 
 
+@pytest.mark.slow
 def test_a_drive_is_thinned_and_a_run_at_rest_is_not(cell):
     free, loaded = runs(np.random.default_rng(0))
     assert len(at_rest(free)) == len(free)
@@ -146,6 +150,7 @@ def test_a_drive_is_thinned_and_a_run_at_rest_is_not(cell):
     np.testing.assert_allclose(found.errors, other.errors, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_raw_circles_beside_a_run_at_rest_are_told_what_would_help():
     free, loaded = runs(np.random.default_rng(0))
     raw = replace(loaded, continuous=True, samples=replace(loaded.samples, t=np.arange(len(loaded)) * 0.01))
@@ -153,6 +158,7 @@ def test_raw_circles_beside_a_run_at_rest_are_told_what_would_help():
         join_runs([free, raw])
 
 
+@pytest.mark.slow
 def test_the_plan_predicts_what_the_fit_finds(cell):
     """Standard deviations of a fit whose noise is as declared, beside those predicted for its poses and circle."""
     shipped, rng = load_cell(shared.CELL), np.random.default_rng(11)

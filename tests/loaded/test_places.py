@@ -64,6 +64,7 @@ def deflections(place, soft, raised=0.0):
     return np.linalg.norm(x - ball, axis=1).reshape(len(place.q), len(loads))
 
 
+@pytest.mark.slow
 def test_the_prediction_is_dense_least_squares_in_another_world(cell, own):
     """Columns by differences in the world, a free offset at every angle, the noise's covariance written out.
 
@@ -93,6 +94,7 @@ def test_the_prediction_is_dense_least_squares_in_another_world(cell, own):
     np.testing.assert_allclose(ours / np.outer(size, size), dense / np.outer(size, size), atol=0.012)
 
 
+@pytest.mark.slow
 def test_the_prediction_is_what_the_evaluation_finds(cell, own):
     """Same circle, same noise: the information of a measured run is the one that was predicted."""
     way = world.course(shared.arm(), rate=150.0, repeats=1)
@@ -112,6 +114,7 @@ def test_the_prediction_is_what_the_evaluation_finds(cell, own):
     np.testing.assert_allclose(found.std / found.prior, promised.std, rtol=0.03)
 
 
+@pytest.mark.slow
 def test_candidates_stand_within_limits_and_on_their_circles(cell, pool):
     assert len(pool) > 20
     assert {c.circle.plane for c in pool} == {"XY", "XZ", "YZ"}
@@ -124,6 +127,7 @@ def test_candidates_stand_within_limits_and_on_their_circles(cell, pool):
         assert np.abs(np.diff(c.q, axis=0)).max() < 0.6
 
 
+@pytest.mark.slow
 def test_the_choice_is_as_good_as_brute_force(places):
     """No pair of half of the pool has a larger determinant than the pair that was chosen."""
     info, pair = places.information, places.sets[1]
@@ -133,6 +137,7 @@ def test_the_choice_is_as_good_as_brute_force(places):
     assert best >= others - 1e-6
 
 
+@pytest.mark.slow
 def test_more_places_know_more_and_four_know_every_joint(places):
     worst = [k.worst_share for k in places.known]
     assert places.own.worst_share > 0.5  # one circle barely separates six
@@ -140,6 +145,7 @@ def test_more_places_know_more_and_four_know_every_joint(places):
     assert worst[-1] < 0.25
 
 
+@pytest.mark.slow
 def test_files_and_the_cell_that_drives_them(cell, places, tmp_path):
     CirclePlacesResult(cell, places, 3).write(tmp_path / "out")
     content = json.loads((tmp_path / "out" / "places.json").read_text())
@@ -154,6 +160,7 @@ def test_files_and_the_cell_that_drives_them(cell, places, tmp_path):
     assert places_csv(places).count("\n") == len(places.pool) + 1
 
 
+@pytest.mark.slow
 def test_one_fit_of_both_knows_more_than_either(cell, places):
     rng = np.random.default_rng(0)
     fixture = np.array([1.3, 0.9, 0.9])
@@ -171,6 +178,7 @@ def test_one_fit_of_both_knows_more_than_either(cell, places):
     assert len(content["with_unloaded_plan"]) == len(both.names)
 
 
+@pytest.mark.slow
 def test_a_cell_without_loads_is_refused(cell):
     with pytest.raises(InputError, match=r"no \[\[circles\]\]"):
         find_circle_places(replace_circles(cell))
@@ -179,12 +187,14 @@ def test_a_cell_without_loads_is_refused(cell):
         find_circle_places(replace_circles(cell, few))
 
 
+@pytest.mark.slow
 def test_a_circle_out_of_the_arms_reach_is_refused(cell):
     far = replace(circles_of(cell)[0], p_BC=np.array([4.0, 0.0, 1.0]))
     with pytest.raises(NoSolutionError, match="cannot be followed"):
         find_own_place(replace_circles(cell, far))
 
 
+@pytest.mark.slow
 def test_more_places_than_there_are(monkeypatch, places, cell):
     monkeypatch.setattr("planner.workflow.loaded_planning.study_circle_places", lambda *_: places)
     with pytest.raises(InputError, match="only 4 circles"):

@@ -16,6 +16,7 @@ def rows():
     return {r.what: r for r in reproduction.rows()}
 
 
+@pytest.mark.slow
 def test_every_number_has_its_published_one(rows):
     assert {r.published for r in rows.values()} >= {0.764, 0.933, 14.08, 180.0, 40.0}
 
@@ -26,6 +27,7 @@ def test_the_offset_that_was_built_in_comes_back(rows):
     assert rows["phase, b = 1"].ours == pytest.approx(14.08, abs=2.0)
 
 
+@pytest.mark.slow
 def test_the_cylinders_friction_spreads_the_curves_as_in_the_paper(rows):
     assert rows["largest distance of the compensated curves (fig. 14a)"].ours == pytest.approx(180, rel=0.2)
     assert any("times as much as the repeats" in w for w in reproduction.evaluated().warnings)

@@ -23,6 +23,7 @@ print("end")
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", ["", "import os; os.close(2)"], ids=["plain", "without standard error"])
 def test_a_tour_prints_nothing_in_python(before):
     done = subprocess.run(

@@ -61,6 +61,7 @@ def read_at(lengths):
     return {k: PoseReading.of_length(length) for k, length in enumerate(lengths)}
 
 
+@pytest.mark.slow
 def test_an_update_does_not_depend_on_the_order(bench):
     one, other, read = begun(bench, 0.02e-3), begun(bench), read_at(bench.made.length)
     one.add_all({k: read[k] for k in range(len(read) - 3)})
@@ -152,6 +153,7 @@ def test_what_most_robots_do_not_show_is_found_where_it_is_and_not_elsewhere():
         assert other.noise == pytest.approx(noise, rel=0.35)
 
 
+@pytest.mark.slow
 def test_errors_of_centimetres_are_no_noise_though_the_model_bends_there(bench):
     """An arm ten times as bad as usual: its tool errs by centimetres, where a straight model is millimetres off."""
     live = begun(bench)
@@ -180,6 +182,7 @@ def advice(bench, tmp_path, until):
     return LiveAdvice(begun(bench, until, True), numbers, tmp_path / "run.progress.csv"), poses
 
 
+@pytest.mark.slow
 def test_it_stops_at_the_goal_and_never_passes_a_validation_pose(bench, tmp_path):
     adviser, poses = advice(bench, tmp_path, 0.1e-3)
     length = dict(zip((p.id for p in poses), bench.made.length, strict=True))
@@ -214,6 +217,7 @@ def test_it_stops_at_the_goal_and_never_passes_a_validation_pose(bench, tmp_path
     assert not validation & {int(line.split(",")[0]) for line in table[1:]}
 
 
+@pytest.mark.slow
 def test_a_reading_that_does_not_fit_is_told(bench, tmp_path):
     adviser, poses = advice(bench, tmp_path, 1e-6)
     last = poses[-1]
@@ -231,6 +235,7 @@ def test_a_goal_out_of_reach_says_so(bench, tmp_path):
     assert 0.001 < then < limit  # the error may be below a goal that its limit misses: the limit is said as well
 
 
+@pytest.mark.slow
 def test_where_no_pose_is_left_none_is_offered(bench, tmp_path):
     adviser, poses = advice(bench, tmp_path, 1e-6)
     *others, last = [p for p in poses if p.role == "calibrate"]

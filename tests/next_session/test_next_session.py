@@ -180,6 +180,7 @@ def test_several_calibrations_are_refused_and_one_named_twice_is_one(tmp_path):
     assert PlanOptions().folder_before is None
 
 
+@pytest.mark.slow
 def test_no_rule_chooses_the_validation_poses():
     """They are none of the chosen poses, and among all others those that the rule likes are no more frequent."""
     session = BarPoses.__new__(BarPoses)

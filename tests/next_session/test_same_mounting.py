@@ -49,6 +49,7 @@ def known(tmp_path_factory):
     return Of(folder=folder, world=world, first=first, second=second, cell=cell, found=found)
 
 
+@pytest.mark.slow
 def test_what_the_first_run_says_of_the_second_is_its_whole_posterior(known):
     """Readings at other poses, by the file and by the fit's own covariance of everything that moves them."""
     before = CalibratedState.read(known.folder / "known", known.cell)
@@ -70,6 +71,7 @@ def test_what_the_first_run_says_of_the_second_is_its_whole_posterior(known):
     assert np.sqrt((off**2).mean()) < 2.0  # the second run reads what the first foretells
 
 
+@pytest.mark.slow
 def test_further_readings_scatter_as_those_of_the_runs_so_far(known):
     """By how far a reading moves with each joint, taken by differences."""
     before = CalibratedState.read(known.folder / "known", known.cell)
@@ -88,6 +90,7 @@ def test_further_readings_scatter_as_those_of_the_runs_so_far(known):
     assert unknown.white(samples) * scatter[:, None] == pytest.approx(moved, rel=5e-3, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_gauge_left_standing_leaves_less_open_than_one_set_up_anew(known):
     before = CalibratedState.read(known.folder / "known", known.cell)
     samples = Samples(known.second.q, np.zeros(len(known.second.q), dtype=int))
@@ -102,6 +105,7 @@ def test_a_gauge_left_standing_leaves_less_open_than_one_set_up_anew(known):
     assert not mean_errors(anew)[anew.model.names.index("fixture_A_x")]
 
 
+@pytest.mark.slow
 def test_the_plan_carries_the_mounting_on(known):
     cell = replace(known.cell, gauge=replace(known.cell.gauge, mounting=""))
     before = CalibratedState.read(known.folder / "known", cell)
@@ -124,6 +128,7 @@ def test_the_plan_carries_the_mounting_on(known):
         PlanOptions(same_mounting=True).aims_at_tracing(cell)
 
 
+@pytest.mark.slow
 def test_runs_of_one_mounting_share_place_and_zero(tmp_path):
     world = World.drawn(2)
     one, two = (named(world.measure(tmp_path / d, BAR_LEFT, k), "monday") for k, d in enumerate(("one", "two")))
@@ -141,6 +146,7 @@ def test_runs_of_one_mounting_share_place_and_zero(tmp_path):
         load_sessions(run_sources([one.run, other.run], None, None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moved", [(0.4e-3, 0.2e-3, 0.0), (0.0, 0.0, 0.0)])
 def test_a_gauge_that_was_moved_after_all_is_told(tmp_path, moved):
     world = World.drawn(1)
@@ -154,6 +160,7 @@ def test_a_gauge_that_was_moved_after_all_is_told(tmp_path, moved):
         assert found.findings[0].value == pytest.approx(np.linalg.norm(moved), abs=6 * found.findings[0].std)
 
 
+@pytest.mark.slow
 def test_several_set_ups_leave_the_last_one_standing(tmp_path):
     """The zero and the fixture of the last session, by the names that its own cell has for them."""
     world = World.drawn(4)
@@ -173,6 +180,7 @@ def test_several_set_ups_leave_the_last_one_standing(tmp_path):
     assert list(gauge["fixtures_mm"]) == ["A"]
 
 
+@pytest.mark.slow
 def test_an_identification_foresees_what_more_poses_would_bring(known):
     """Twenty poses more, by the poses that were measured; a run without a clock says no minutes."""
     found, more = known.found.calibration, known.found.calibration.more
@@ -189,6 +197,7 @@ def test_an_identification_foresees_what_more_poses_would_bring(known):
     assert "20 more poses, about 7 min, would bring it to" in later.sentence
 
 
+@pytest.mark.slow
 def test_what_the_file_says_is_made_once(tmp_path, known, monkeypatch):
     """What foresees more poses and what is written beside the robot are one content."""
     monkeypatch.setattr(identification, "expected_error_content", None)  # not asked again
@@ -201,6 +210,7 @@ def test_what_the_file_says_is_made_once(tmp_path, known, monkeypatch):
     assert {**written, **left_open} == json.loads(json.dumps(known.found.errors_content))
 
 
+@pytest.mark.slow
 def test_the_next_gauge_may_be_another_one_or_stand_at_a_second_fixture(known, tmp_path):
     """Only the gauge that was left standing counts as known; what another shows of the robot counts all the same."""
     wire = known.world.measure(tmp_path / "wire", WIRE, 21)
@@ -223,6 +233,7 @@ def test_the_next_gauge_may_be_another_one_or_stand_at_a_second_fixture(known, t
     assert error_limit(two, white) < error_limit(two, white[: len(known.second.q)]) < before.at_most
 
 
+@pytest.mark.slow
 def test_the_files_are_named_between_which_a_gauge_was_moved(tmp_path):
     """Three runs of one mounting: places of the second and third less the first, as the model has them."""
     world = World.drawn(2)
@@ -240,6 +251,7 @@ def test_the_files_are_named_between_which_a_gauge_was_moved(tmp_path):
     assert found.between_sessions == ("a/run.csv", "b/run.csv")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("times", "poses", "minutes"),
     [

@@ -28,6 +28,7 @@ def _text(program: Program, name: str) -> str:
     return text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRIVEN)
 def test_turned_down_at_any_statement_it_slows_all_that_follows(name: str) -> None:
     """From the statement on, every motion to the end has the share of the speed that the operator has asked for."""

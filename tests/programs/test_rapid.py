@@ -19,6 +19,7 @@ def _check(text: str) -> tuple[int, str]:
     return len(errors), "\n".join(map(str, errors))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "program",
     [
@@ -35,6 +36,7 @@ def test_module_is_accepted(program) -> None:  # type: ignore[no-untyped-def]
     assert code == 0, message
 
 
+@pytest.mark.slow
 def test_module_in_parts_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
     short = catalogue.load_dialect("rapid").model_copy(update={"part_lines": 20})
     monkeypatch.setattr(catalogue, "load_dialect", lambda _name: short)
@@ -45,6 +47,7 @@ def test_module_in_parts_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
         assert code == 0, message
 
 
+@pytest.mark.slow
 def test_circles_are_accepted() -> None:
     (file,) = write_program(sessions.with_circle(), "rapid", "edbb")
     assert file.text.count("MoveC CalcRobT(") == 3

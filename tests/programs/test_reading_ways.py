@@ -182,6 +182,7 @@ def test_the_head_says_what_the_program_waits_for():
     assert "input" not in head("hand", gauge_input=None)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*deprecated")  # the checker's own use of pyparsing
 @pytest.mark.parametrize("way", ["hand", "input"])
 def test_the_grammar_of_krl_and_the_checker_of_rapid_take_the_waits(way):

@@ -98,6 +98,7 @@ def test_long_legs_stop_where_millimetres_cannot_be_said(name: str) -> None:
     assert dense.count(None) < 10 < len(dense) - 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [d.name for d in dialects() if load_dialect(d.name).part_lines])
 def test_long_programs_are_split_and_still_run_in_order(name: str) -> None:
     limit = 300

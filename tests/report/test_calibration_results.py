@@ -138,6 +138,7 @@ def test_degrees_of_freedom_are_those_of_the_readings() -> None:
     assert long.content()["degrees_of_freedom"] < 2500 / long.correlation_time
 
 
+@pytest.mark.slow
 def test_what_is_left_reads_as_the_tests_say() -> None:
     c = calibrated("edbb_static", 160, 1e-4, released=False)
     assert all(t.p_value < SIGNIFICANCE for t in c.diagnosis.found)

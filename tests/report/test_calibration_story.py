@@ -54,6 +54,7 @@ def told(c: Calibration) -> CalibrationFacts:
     return CalibrationFacts(c)
 
 
+@pytest.mark.slow
 def test_findings_stand_in_the_file_with_their_units(c: Calibration) -> None:
     content: dict[str, Any] = c.content()
     Identification.model_validate(content)
@@ -78,6 +79,7 @@ def test_findings_stand_in_the_file_with_their_units(c: Calibration) -> None:
     assert "inner" not in play
 
 
+@pytest.mark.slow
 def test_chance_too_small_for_a_number_is_null(c: Calibration) -> None:
     assert c.tried is not None
     chance = {"p_value": p_value(-math.inf), "log10_p": log10_p(-math.inf)}
@@ -87,6 +89,7 @@ def test_chance_too_small_for_a_number_is_null(c: Calibration) -> None:
     assert 0 <= found_one["p_value"] < 1e-300
 
 
+@pytest.mark.slow
 def test_limits_and_what_was_tried_stand_in_the_file(c: Calibration) -> None:
     content: dict[str, Any] = c.content()
     assert content["tried"] > 100
@@ -100,6 +103,7 @@ def test_limits_and_what_was_tried_stand_in_the_file(c: Calibration) -> None:
     assert untraced["tried"] is None
 
 
+@pytest.mark.slow
 def test_ripple_shows_before_and_is_gone_after(told: CalibrationFacts) -> None:
     step = next(s for s in finding_steps(told) if s.what == "gear ripple, joint 3")
     e = collect_evidence(told, step)
@@ -115,6 +119,7 @@ def test_ripple_shows_before_and_is_gone_after(told: CalibrationFacts) -> None:
     assert sizes[1] < 0.25 * sizes[0]
 
 
+@pytest.mark.slow
 def test_play_shows_on_both_sides(told: CalibrationFacts) -> None:
     step = next(s for s in finding_steps(told) if s.what == "backlash, joint 2")
     e = collect_evidence(told, step)
@@ -125,6 +130,7 @@ def test_play_shows_on_both_sides(told: CalibrationFacts) -> None:
     assert abs(np.ptp(weighted_means(e.against.values, e.after, e.weight)[1])) < 0.3 * gap
 
 
+@pytest.mark.slow
 def test_what_was_taken_out_again_is_not_what_an_effect_is_drawn_beside(c: Calibration) -> None:
     """The stage before had another effect in this one's place: it is drawn as what is left with it taken out again."""
     geometry, *_, last = c.stages[2:]
@@ -137,6 +143,7 @@ def test_what_was_taken_out_again_is_not_what_an_effect_is_drawn_beside(c: Calib
         assert np.allclose(e.before, e.after + e.fitted)
 
 
+@pytest.mark.slow
 def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> None:
     page = calibration_content(told)
     every = told_findings(told)
@@ -160,6 +167,7 @@ def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> N
     assert 1 < float(play[4]) < 1000
 
 
+@pytest.mark.slow
 def test_a_fall_of_errors_that_several_causes_brought_together_is_told_once(c: Calibration) -> None:
     together = CalibrationFacts(c.model_copy(update={"stages": (*c.stages[:3], c.stages[-1])}))
     sections = [lines for _, name, lines in calibration_content(together)["findings"] if name]
@@ -169,6 +177,7 @@ def test_a_fall_of_errors_that_several_causes_brought_together_is_told_once(c: C
     assert all(any("added together with cause 2:" in line for line in lines) for lines in sections[1:])
 
 
+@pytest.mark.slow
 def test_the_size_of_the_fit_stands_beside_that_of_the_robot_as_written(told: CalibrationFacts) -> None:
     c = told.calibration
     (play,) = (f for f in c.findings if f.effect == "backlash")
@@ -181,6 +190,7 @@ def test_the_size_of_the_fit_stands_beside_that_of_the_robot_as_written(told: Ca
     assert float(written) == pytest.approx(1e6 * math.hypot(*own), abs=0.06)
 
 
+@pytest.mark.slow
 def test_the_largest_error_of_the_headline_is_that_of_the_robot_as_written(c: Calibration) -> None:
     """Of a drive too long for each residual of the written robot it was the last stage's, beside the screen's."""
     assert c.release is not None
@@ -191,6 +201,7 @@ def test_the_largest_error_of_the_headline_is_that_of_the_robot_as_written(c: Ca
     assert told.written_stage.held_out.largest != errors.largest
 
 
+@pytest.mark.slow
 def test_many_of_one_kind_have_one_section_and_one_picture(c: Calibration) -> None:
     """Play and ripple at three joints each: two sections, each with the panels of what the fit holds of them."""
     every = tuple(
@@ -210,6 +221,7 @@ def test_many_of_one_kind_have_one_section_and_one_picture(c: Calibration) -> No
         assert len(finding_chart(changed, one).panels) == 2 * len(one.steps)
 
 
+@pytest.mark.slow
 def test_what_stepped_again_and_again_is_drawn_after_its_last_step(c: Calibration) -> None:
     play = next(f for f in c.findings if f.effect == "backlash").model_copy(update={"after_sample": 7})
     first = next(s for s in c.stages if play.name in s.effects)
@@ -219,6 +231,7 @@ def test_what_stepped_again_and_again_is_drawn_after_its_last_step(c: Calibratio
     assert (step.before.name, step.after.name) == ("geometry", again.name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("unit", "value", "said"),
     [

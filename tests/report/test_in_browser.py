@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 import planner.report.calibration_charts as calibration_charts
-import planner.report.cell_view_print as cell_view_print
-import planner.report.matplotlib_backend as matplotlib_backend
 from planner.report.calibration_report import report_calibration
 from planner.report.chart import BLUE, Chart, Panel, Series, list_panel, log_ticks
 from planner.report.page import FOLDER, Report
@@ -19,18 +17,7 @@ from planner.session.plan_types import Plan
 from tests.browser import Browser
 from tests.report.calibrated import calibrated
 
-SMALL_PNG = bytes.fromhex(
-    "89504e470d0a1a0a0000000d49484452000000010000000108060000001f15c489"
-    "0000000d49444154789c6360000002000001e221bc330000000049454e44ae426082"
-)
 TESTS = Path(__file__).parents[1]
-
-
-@pytest.fixture(autouse=True)
-def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Prints are drawn elsewhere."""
-    monkeypatch.setattr(matplotlib_backend, "chart_png", lambda chart, small=False: SMALL_PNG)
-    monkeypatch.setattr(cell_view_print, "view_png", lambda view: SMALL_PNG)
 
 
 def kept(report: Report, folder: Path) -> Path:
@@ -39,6 +26,7 @@ def kept(report: Report, folder: Path) -> Path:
     return page
 
 
+@pytest.mark.slow
 def test_a_plan(browser: Browser, plan: Plan, tmp_path: Path) -> None:
     report = report_plan(plan)
     shown = browser.check_report(kept(report, tmp_path))  # plan.html.j2

@@ -16,6 +16,7 @@ def plot():
     return chart_plot(Chart("residuals", "Residuals", "", (panel, panel)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", STARTS)
 def test_the_suffix_says_the_format(tmp_path, suffix):
     files = [plot().save(tmp_path / f"{k}.{suffix}").read_bytes() for k in range(2)]
@@ -30,6 +31,7 @@ def test_other_suffixes_are_refused_and_nothing_is_written(tmp_path, name):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_what_is_drawn_on_the_axes_is_saved(tmp_path):
     made = plot()
     assert [ax.get_title(loc="left") for ax in made.axes] == ["residuals", "residuals"]

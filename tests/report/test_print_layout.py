@@ -28,6 +28,7 @@ def test_a_title_above_its_legend_is_whole():
     assert not seen[:, :4].any()
 
 
+@pytest.mark.slow
 def test_beside_a_scale_there_is_room_for_labels():
     field = ColourField(np.arange(4.0), np.arange(4.0), 0.014 + 0.001 * np.arange(16.0).reshape(4, 4), "moved (mm)")
     panels = [Panel("", "reach (mm)", "height (mm)", (), field=field, x_range=(0.0, 3.0), y_range=(0.0, 3.0))]
@@ -42,6 +43,7 @@ def test_a_field_is_darkest_where_it_is_largest_on_the_page():
     assert pixels[:, :, 3].tolist() == [[255, 255], [255, 0]]
 
 
+@pytest.mark.slow
 def test_numbers_at_a_scale_of_colours_are_whole():
     """They read 0.2, 0.1, 0.1 where 0.225, 0.175, 0.125 were cut off at the edge."""
     field = ColourField(np.arange(4.0), np.arange(4.0), 0.00125 + 0.00025 * np.arange(16.0).reshape(4, 4), "moved (mm)")

@@ -48,6 +48,7 @@ def test_angles_come_to_the_gauges_stamps(tmp_path, order):
     assert any("5 sync marks agree on it" in w for w in run.warnings)
 
 
+@pytest.mark.slow
 def test_without_marks_the_clocks_are_taken_for_the_same_and_it_is_said(tmp_path):
     true = logs(tmp_path, sync=(False, True))
     run = load_runs([tmp_path / "gauge.csv", tmp_path / "axes.csv"], 3)
@@ -144,6 +145,7 @@ def test_a_half_without_its_other_half(tmp_path):
         load_runs([gauge], 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur5e/edbb", "panda/tracker"])
 def test_clocks_seconds_apart_are_aligned_by_the_readings(name, tmp_path):
     """A drive through random poses; the true offset is known, and the import says how sure it is."""

@@ -42,6 +42,7 @@ def test_cells_that_explode_are_refused(tmp_path, cell, words):
         check_surroundings(load_cell(str(tmp_path / "cell.toml")))
 
 
+@pytest.mark.slow
 def test_runs_that_explode_are_refused(tmp_path):
     (tmp_path / "zipped.parquet").write_bytes(FILES["zipped.parquet"])
     with pytest.raises(InputError, match="cannot be read as Parquet"):

@@ -1,11 +1,14 @@
 """Cells have a name and a note of their people."""
 
+import pytest
+
 from planner.service.people import PeopleStore
 from tests.service.conftest import client_of, upload
 from tests.service.test_interface import CELL
 from tests.service.test_people import add_all, ask_as
 
 
+@pytest.mark.slow
 def test_a_cell_is_called_what_its_people_call_it(tmp_path):
     with client_of(tmp_path, workers=0, beside=0) as client:
         cell = upload(client, "cells", CELL, "mine.toml")["id"]

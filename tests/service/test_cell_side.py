@@ -215,6 +215,7 @@ def test_a_view_does_not_hold_the_page_and_says_axes_and_distances(service, brow
     check_page(page, f"cell-{'phone' if phone else 'desk'}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("too_few", [False, True])
 def test_the_page_of_a_plan_warns_where_poses_are_too_few(tmp_path, too_few):
     plan = json.loads((PLAN / "plan.json").read_text())
@@ -226,6 +227,7 @@ def test_the_page_of_a_plan_warns_where_poses_are_too_few(tmp_path, too_few):
     assert ("ask for at least" in text) is too_few
 
 
+@pytest.mark.slow
 def test_ticks_are_merged_by_their_time(tmp_path):
     add_plan(tmp_path)
     with client_of(tmp_path, workers=0, beside=0) as client:
@@ -251,6 +253,7 @@ def test_ticks_are_merged_by_their_time(tmp_path):
         assert client.get("/worker.js").headers["content-type"].startswith("text/javascript")
 
 
+@pytest.mark.slow
 def test_the_page_of_a_session_needs_only_what_a_device_keeps(tmp_path):
     """All that the checklist is drawn by lies under /static/, which the worker keeps."""
     add_plan(tmp_path)
@@ -261,6 +264,7 @@ def test_the_page_of_a_session_needs_only_what_a_device_keeps(tmp_path):
     assert all(path.startswith("/static/") for path in loaded)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("way", "told"),
     [

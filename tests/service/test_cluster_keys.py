@@ -113,6 +113,7 @@ def started(stack, log, *words):
     return process
 
 
+@pytest.mark.slow
 def test_keys_let_in_and_pickles_stay_unread(tmp_path):
     pytest.importorskip("cryptography")
     pytest.importorskip("distributed")

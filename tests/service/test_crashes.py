@@ -106,6 +106,7 @@ def kill_often(folder, times):
     return [w[1] for w in words if w[0] == "job"], [w[1] for w in words if w[0] == "file"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [4, pytest.param(MANY, marks=pytest.mark.long)])
 def test_what_was_accepted_is_done_once_whatever_is_killed(tmp_path, times):
     accepted, kept = kill_often(tmp_path, times)

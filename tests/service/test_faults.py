@@ -31,6 +31,7 @@ from tests.service.test_interface import CELL
 from tests.service.test_troubles import JOB, done_in
 
 
+@pytest.mark.slow
 def test_a_damaged_file_that_is_sent_again_heals_its_job(tmp_path):
     store = Store(tmp_path)
     sent = store.files.add(b"whole")
@@ -128,6 +129,7 @@ def test_where_jobs_cannot_be_confined_it_is_said(monkeypatch):
     assert "no Landlock" in start_notices(None, shares)[0]
 
 
+@pytest.mark.slow
 def test_a_wrong_option_is_told_as_the_command_line_tells_it(client):
     job = ended(client, client.post("/api/commands", json={"words": ["plan", "ur10/edbb", "--poses", "many"]}))
     assert (job["exit_code"], job["problem"]["title"]) == (2, "The input is wrong")
@@ -338,6 +340,7 @@ def test_the_limits_at_the_door():
     assert os.path.exists("/proc/self/oom_score_adj") == (sys.platform == "linux")
 
 
+@pytest.mark.slow
 def test_a_cell_that_is_told_by_its_own_folder(client):
     """The sentence about a mesh outside is the same through a job."""
     mesh = '[[obstacles]]\nkind = "mesh"\nfile = "{}"\n'
@@ -349,6 +352,7 @@ def test_a_cell_that_is_told_by_its_own_folder(client):
     assert said[0] == said[1]
 
 
+@pytest.mark.slow
 def test_a_cell_that_is_nested_without_end_is_told_as_wrong(tmp_path):
     with client_of(tmp_path, workers=0, beside=0) as client:
         cell = upload(client, "cells", b"a=" + b"[" * 100_000, "cell.toml")

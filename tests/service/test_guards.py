@@ -67,6 +67,7 @@ def test_more_than_is_taken_is_refused(locked, chunked):
     assert answer.status_code == 413, answer.text
 
 
+@pytest.mark.slow
 def test_a_job_that_needs_too_much_memory_is_stopped(locked):
     locked.headers["authorization"] = f"Bearer {TOKEN}"
     job = ended(locked, locked.post("/api/cell-checks", json={"cell": "ur10/edbb"}))

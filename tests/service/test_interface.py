@@ -20,6 +20,7 @@ def checked(client):
     return ended(client, client.post("/api/cell-checks", json={"cell": cell["id"]}))
 
 
+@pytest.mark.slow
 def test_a_job_gives_its_document_and_files(client, checked):
     assert checked["state"] == "done", checked["problem"]
     view = client.get(f"{checked['url']}/result").json()
@@ -30,12 +31,14 @@ def test_a_job_gives_its_document_and_files(client, checked):
     assert client.get(f"{checked['url']}/report").status_code == 404
 
 
+@pytest.mark.slow
 def test_the_same_content_is_the_same_job(client, checked):
     again = client.post("/api/cell-checks", json=checked["request"])
     assert (again.status_code, again.json()["id"]) == (202, checked["id"])
     assert again.json()["state"] == "done"
 
 
+@pytest.mark.slow
 def test_events_are_numbered_and_resumed(client, checked):
     stream = {"job": checked["id"], "wait": "false"}
     told = client.get("/api/events", params=stream).text
@@ -48,6 +51,7 @@ def test_events_are_numbered_and_resumed(client, checked):
     assert contents[-1] == {"job": checked["id"], "state": "done", "detail": ""}
 
 
+@pytest.mark.slow
 def test_a_cell_that_names_a_file_of_the_machine_fails_with_the_sentence_of_the_command_line(client, tmp_path):
     robot = Path(data_folder("robots"), "ur10", "robot.toml").read_text()
     (tmp_path / "robot.toml").write_text(robot)
@@ -67,6 +71,7 @@ def test_a_run_that_does_not_fit_is_told(client):
     assert "run.csv" in job["problem"]["detail"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("route", "body", "status", "sentence"),
     [
@@ -89,6 +94,7 @@ def test_problems_say_what_is_wrong(client, route, body, status, sentence):
     assert answer.json()["status"] == status
 
 
+@pytest.mark.slow
 def test_a_disturbed_upload_leaves_nothing(client):
     answer = client.post("/api/runs", params={"name": "run.csv", "sha256": "0" * 64}, content=b"cut")
     assert answer.status_code == 409
@@ -96,6 +102,7 @@ def test_a_disturbed_upload_leaves_nothing(client):
     assert client.get("/api/files/" + hashlib.sha256(b"cut").hexdigest()).status_code == 404
 
 
+@pytest.mark.slow
 def test_lists(client):
     robots = {r["name"]: r for r in client.get("/api/robots").json()}
     assert "ur10/edbb" in robots["ur10"]["cells"]
@@ -106,6 +113,7 @@ def test_lists(client):
     assert client.get("/api/robots/none").status_code == 404
 
 
+@pytest.mark.slow
 def test_a_job_can_be_cancelled(client):
     answer = client.post("/api/plans", json={"cell": "comau-nj130/edbb", "seed": 3})
     stopped = client.post(f"/api/jobs/{answer.json()['id']}/cancel")
@@ -120,6 +128,7 @@ def sent_plan(client, **changed):
     return [{"id": upload(client, "files", data, "x")["id"], "name": name} for name, data in files.items()]
 
 
+@pytest.mark.slow
 def test_a_plan_that_was_made_elsewhere_is_a_plan_here(client):
     """Its page leads to the cell, its run is simulated and read, and its program is written."""
     asked = {"files": sent_plan(client), "title": "cell 7"}
@@ -140,6 +149,7 @@ def test_a_plan_that_was_made_elsewhere_is_a_plan_here(client):
     assert "program.src" in {f["name"] for f in program["files"]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changed", "sentence"),
     [

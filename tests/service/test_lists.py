@@ -219,6 +219,7 @@ def test_the_entry_of_a_document_is_found_by_its_hash(robots, tmp_path):
     assert robots.find_entry(set()).serial == ""
 
 
+@pytest.mark.slow
 def test_the_first_page_searches_the_robots(tmp_path):
     for k in range(60):
         add(tmp_path, f"KR-{k:03d}", "good", calibration(0.01), TODAY - timedelta(k % 5))

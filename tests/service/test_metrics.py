@@ -41,6 +41,7 @@ def answer(tmp_path):
         yield client.get("/metrics")
 
 
+@pytest.mark.slow
 def test_it_counts_what_there_is(answer):
     assert answer.headers["content-type"] == MEDIA_TYPE
     found = read(answer.text)
@@ -64,6 +65,7 @@ def test_a_label_may_hold_anything():
     assert line == r'edbb_x{kind="a \"b\" \\ c\nd"} 1.0'
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(PROMTOOL is None, reason="there is no promtool here")
 def test_promtool_takes_it(answer):
     done = subprocess.run(

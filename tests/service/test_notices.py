@@ -142,6 +142,7 @@ def test_addresses_that_are_none(url):
 LINE = re.compile(r'^(\S+) - (\S+) \[\d\d/\w{3}/\d{4}:\d\d:\d\d:\d\d \+0000\] "([^"]+)" (\d{3}) (\d+) (\d+\.\d{3})$')
 
 
+@pytest.mark.slow
 def test_each_request_is_a_line(tmp_path):
     with client_of(tmp_path, workers=0, beside=0, access_log=str(tmp_path / "access.log")) as client:
         open_log(str(tmp_path / "access.log"))

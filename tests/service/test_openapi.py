@@ -54,6 +54,7 @@ def check(document, examples):
     assert 422 in refused
 
 
+@pytest.mark.slow
 def test_the_document_says_how_one_logs_in_and_what_errors_look_like(document):
     said = document.raw_schema
     assert said["components"]["securitySchemes"]["token"] == {

@@ -53,6 +53,7 @@ def test_pages_take_nothing_from_elsewhere(client):
         assert not re.search(r"<script(?![^>]*src=)|\son\w+=|\sstyle=", answer.text)
 
 
+@pytest.mark.slow
 def test_text_of_a_file_is_text_on_a_page(client):
     cell = upload(client, "cells", 'schema = "edbb-cell/1"\nrobot = "<script>alert(1)</script>"\n', "x.toml")
     job = ended(client, client.post("/api/cell-checks", json={"cell": cell["id"]}))
@@ -101,6 +102,7 @@ def test_the_steps_at_the_cell_speak_of_its_gauge_and_no_other(name):
     assert not [w for w in others if re.search(rf"\b{w}\b", text) and (w, name) != ("cup", "abb-irb6700/ldbb")]
 
 
+@pytest.mark.slow
 def test_two_plans_stand_side_by_side(tmp_path):
     """One asked for at a page, the other by a command."""
     store, ids = Store(tmp_path), ["a" * 24, "b" * 24]
@@ -123,6 +125,7 @@ def test_two_plans_stand_side_by_side(tmp_path):
         assert client.get("/compare", params={"first": ids[0], "second": "c" * 24}).status_code == 404
 
 
+@pytest.mark.slow
 def test_the_page_of_a_planned_check_is_whole(tmp_path):
     """Asked for by a command: it finds its calibration by content, shows what the check shows, and leads on."""
     store, known, plan = Store(tmp_path), "a" * 24, "b" * 24

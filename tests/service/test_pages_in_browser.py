@@ -45,6 +45,7 @@ def address(tmp_path_factory):
         server.terminate()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page",
     [

@@ -69,6 +69,7 @@ def log_in(client, name, password=PASSWORD, **query):
     return client.post("/login", params=query, data={"name": name, "password": password}, follow_redirects=False)
 
 
+@pytest.mark.slow
 def test_every_route_of_the_document_has_a_rule(tmp_path):
     """Every operation of the OpenAPI document too; a route that nobody gave a rule ends the start."""
     app = build_app(build_context(settings(tmp_path)))
@@ -108,6 +109,7 @@ def test_events_take_a_look(plant):
     assert ask_as(plant, "luis", "GET", "/api/events?wait=false").status_code == 200
 
 
+@pytest.mark.slow
 def test_one_alone_on_this_machine_needs_no_name_until_somebody_has_one(tmp_path):
     with client_of(tmp_path, workers=0, beside=0) as client:
         assert client.get("/api/deeds").status_code == 200
@@ -143,6 +145,7 @@ def test_log_in_leads_nowhere_else(plant, away):
     plant.cookies.clear()
 
 
+@pytest.mark.slow
 def test_a_person_changes_the_own_password_and_other_browsers_log_in_again(tmp_path):
     add_all(tmp_path)
     with client_of(tmp_path, workers=0, beside=0) as client:
@@ -248,6 +251,7 @@ def test_whoever_guesses_waits_longer_each_time(monkeypatch):
     assert sender_of("2001:db8::1") == sender_of("2001:db8::ffff") != sender_of("2001:db8:0:1::1")
 
 
+@pytest.mark.slow
 def test_guessing_is_limited_at_the_door(tmp_path, monkeypatch):
     token = add_all(tmp_path).make_token("luis", "cell 7")
     with client_of(tmp_path, workers=0, beside=0) as client:
@@ -424,6 +428,7 @@ def test_the_log_says_who_did_what(plant):
     assert "asked for: plan" in ask_as(plant, "ada", "GET", "/deeds").text
 
 
+@pytest.mark.slow
 def test_a_name_is_text_on_every_page(tmp_path):
     name = "<img src=x onerror=alert(1)>"
     people = people_of(tmp_path)

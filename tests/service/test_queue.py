@@ -46,6 +46,7 @@ def test_short_jobs_pass_long_ones_that_wait_no_longer():
     assert order_jobs([long, short], NOBODY, 70.0)[0].id == "short"
 
 
+@pytest.mark.slow
 def test_a_long_job_is_not_starved_by_short_ones_that_come_for_ever():
     shorts = [WaitingJob(f"s{k}", "ada", 10.0 * k, 10.0) for k in range(2000)]
     begun = simulate([WaitingJob("long", "ada", 5.0, 1000.0), *shorts], 20_000.0)

@@ -243,6 +243,7 @@ def test_guesses_at_the_same_moment_are_not_more_than_one_after_the_other():
     assert sum(w == 0 for w in waits) == PATIENCE.free_tries
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", ["/calibrate", f"/jobs/{A}", "/"])
 def test_a_page_is_of_one_moment(plant, monkeypatch, page):
     """The plan is deleted while the page is made; files are gone then, what the database knew is shown."""
@@ -254,6 +255,7 @@ def test_a_page_is_of_one_moment(plant, monkeypatch, page):
         assert client.get(page).status_code == 200
 
 
+@pytest.mark.slow
 def test_a_plan_of_another_version_holds_up_no_page(plant):
     plant.run("a", outputs=[("plan.json", b'{"schema": "edbb-plan/0"}')])
     with client_of(plant.folder, workers=0, beside=0) as client:
@@ -318,6 +320,7 @@ def test_a_stream_ends_with_the_session_of_who_follows_it(tmp_path):
         assert asyncio.run(asyncio.wait_for(follow(), 30.0)) == ("retry: 2000\n\n", [])
 
 
+@pytest.mark.slow
 def test_the_plan_that_led_to_the_page_is_offered_however_old_it_is(plant):
     plant.run("a", outputs=[("plan.json", PLAN)])
     with plant.db.write() as db:

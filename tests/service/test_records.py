@@ -67,6 +67,7 @@ def refuse_days(client):
         assert f"dated {day}; allowed are {FIRST} (its calibration) to " in refused.json()["detail"]
 
 
+@pytest.mark.slow
 def test_a_robots_record_grows_with_what_jobs_find(client):
     assert client.get("/api/records/KR6-0815").status_code == 404
     assert add(client, CALIBRATED, FIRST).json()["state"] == "good"

@@ -24,6 +24,7 @@ def tick(client, url, step, person):
     return client.post(f"/api{url}/ticks", json={"ticks": ticks, "person": person}).json()
 
 
+@pytest.mark.slow
 def test_a_second_robot_of_the_kind_has_its_own_checklist(client):
     first, second = (begin_session(client, JOB, serial) for serial in ("KR6-0815", "KR6-0816"))
     tick(client, first, "step-1", "Ada")
@@ -40,6 +41,7 @@ def test_a_second_robot_of_the_kind_has_its_own_checklist(client):
     assert (unknown.status_code, unknown.json()["detail"]) == (404, "there is no record of a robot KR6-O815")
 
 
+@pytest.mark.slow
 def test_a_session_that_is_begun_again_keeps_what_was_ticked(client):
     first = begin_session(client, JOB)
     tick(client, first, "step-1", "Ada")

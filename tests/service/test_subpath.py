@@ -60,6 +60,7 @@ ASKING = """
 """
 
 
+@pytest.mark.slow
 def test_pages_links_and_headers_stay_below_the_path(tmp_path):
     add_plan(tmp_path)
     with client_of(tmp_path, workers=0, beside=0, root_path="/edbb") as client:

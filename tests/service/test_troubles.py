@@ -38,6 +38,7 @@ def test_a_full_disk_refuses_uploads_and_keeps_nothing(tmp_path, monkeypatch):
     assert not list((tmp_path / "drafts").iterdir())
 
 
+@pytest.mark.slow
 def test_a_result_that_found_no_room_is_computed_again_and_ends_once(tmp_path, monkeypatch):
     monkeypatch.setattr(context, "TROUBLE_S", 0.1)
     full, take = [True], FileStore.take
@@ -56,6 +57,7 @@ def test_a_result_that_found_no_room_is_computed_again_and_ends_once(tmp_path, m
     assert len(store.jobs.outputs(JOB)) == 1
 
 
+@pytest.mark.slow
 def test_a_newer_version_takes_over_what_an_older_one_had_accepted(tmp_path):
     """The older one was killed at work; its lease has run out when the newer one starts."""
     old = Store(tmp_path)
@@ -74,6 +76,7 @@ def received(tmp_path, receive):
     return asyncio.run(file_api.receive_body(request, FileStore(tmp_path), "run.csv", None, print))
 
 
+@pytest.mark.slow
 def test_clients_that_stall_or_vanish_leave_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(file_api, "STALL_S", 0.05)
     begun = []

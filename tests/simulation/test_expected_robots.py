@@ -55,6 +55,7 @@ def true_error(cell, truth, fit=None, like=None, states=400):
     return apart(tool_positions(cell, model, errors, samples), aim)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [CELLS[0], pytest.param(CELLS[1], marks=pytest.mark.long)])
 def test_robots_are_as_far_off_as_the_plan_says_before_it(name):
     cell = load_cell(name)

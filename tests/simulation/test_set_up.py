@@ -88,6 +88,7 @@ def test_a_fixture_out_of_the_robots_reach_is_measured():
     assert np.std(drawn) == pytest.approx(far.prior, rel=0.4)
 
 
+@pytest.mark.slow
 def test_what_the_robot_sets_up_is_known_no_better_than_the_robot(tmp_path):
     """A cup said to stand within 0.1 mm is where an arm came that errs by millimetres, as it is drawn too."""
     text = load_cell("comau-nj130/paper").path.read_text()

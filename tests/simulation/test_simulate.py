@@ -102,6 +102,7 @@ def test_a_driven_plan_is_sampled_both_ways(tmp_path):
         assert pose[away.argmin()] == p["id"]
 
 
+@pytest.mark.slow
 def test_what_is_saved_is_what_is_loaded(tmp_path):
     for robot in ("kuka-kr6-r700", "comau-nj130"):
         run = simulated_run(plan_folder(tmp_path / robot, robot), None, 1)
@@ -146,6 +147,7 @@ def test_noise_has_the_size_that_is_said(tmp_path):
     assert not np.allclose(off["joints"][0], off["joints"][1])
 
 
+@pytest.mark.slow
 def test_joints_wander_along_a_drive(tmp_path):
     plan = plan_folder(tmp_path, "comau-nj130", fixtures=2)
     still = simulated_run(plan, truth_file(tmp_path, SILENT), 0)
@@ -164,6 +166,7 @@ def test_joints_wander_along_a_drive(tmp_path):
     assert np.abs(off[first]).min() > 1e-3  # it wanders from the first sample on
 
 
+@pytest.mark.slow
 def test_drawn_errors_have_the_sizes_of_the_prior_and_are_told(tmp_path):
     measured = ("[[fixtures]]\n", '[[fixtures]]\nset_up = "measured"\n')  # else it stands where the robot comes
     plan = plan_folder(tmp_path, changes=(measured,))
@@ -190,6 +193,7 @@ def test_one_seed_is_one_robot_in_every_cell():
     assert (bar != 0.0).all()
 
 
+@pytest.mark.slow
 def test_balls_that_no_head_could_have_met_are_told():
     cell = load_cell("kuka-kr6-r700/trical")
     q = draw_ball_candidates(cell, 100).q

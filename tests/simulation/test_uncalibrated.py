@@ -35,6 +35,7 @@ def tool_errors(cell, drawn, q):
     return np.linalg.norm(p + R @ cell.tool.p_FM - p0 - R0 @ cell.tool.p_FM, axis=1)
 
 
+@pytest.mark.slow
 def test_no_ball_is_met_further_off_than_the_cell_says():
     cell = load_cell(CELL)
     q = draw_ball_candidates(cell, 400).q  # other postures than those that were looked at
@@ -43,6 +44,7 @@ def test_no_ball_is_met_further_off_than_the_cell_says():
     assert min(largest) > 0.7 * MOST  # as much as the cell says, not less: these robots would all err by more
 
 
+@pytest.mark.slow
 def test_all_errors_of_the_robot_keep_their_proportions():
     cell = load_cell(CELL)
     free = replace(cell, gauge=replace(cell.gauge, head=replace(cell.gauge.head, uncalibrated=1.0)))  # [m]

@@ -146,6 +146,7 @@ def test_poses_come_as_arrays_frames_of_any_library_and_samples():
         observability(cell, q, fixture=1)
 
 
+@pytest.mark.slow
 def test_chosen_poses_beat_chance_and_keep_below_their_bound():
     cell = load_cell("ur10/edbb")
     count = 30

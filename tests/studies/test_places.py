@@ -73,6 +73,7 @@ def test_a_stand_may_touch_what_it_stands_on_and_nothing_else(cell):
     assert is_blocked(move_fixture(present, np.array([0.9, 0.95, 0.708])), present)
 
 
+@pytest.mark.slow
 def test_present_value_is_that_of_the_selection_on_the_same_candidates(done, cell):
     """Draw the place's candidates again, prune and exchange; the index is that of numpy's singular values."""
     m = done[1].places
@@ -133,6 +134,7 @@ def test_remedies_are_what_plain_ranks_say(done, cell):
     assert f.fewest_fixtures == 1
 
 
+@pytest.mark.slow
 def test_a_base_that_may_turn_about_one_known_fixture_is_held_by_two():
     """This robot's first row can tilt its base: seen with two known points, not with one; a third shows no more."""
     cell = load_cell("kuka-kr6-r700/edbb")

@@ -27,10 +27,14 @@ def test_the_same_seed_gives_the_same_bytes(done, tmp_path, monkeypatch):
 
 
 def test_pictures_name_neither_date_nor_program(done):
-    for path in done[0].glob("*.png"):
-        data = path.read_bytes()
+    pictures = [(done[0] / "fixture_map.png").read_bytes()]
+    charts = ("fixtures_needed", "identifiability", "index_curve", "sensitivity")
+    pictures += [StudyResult(done[1]).plot(name).png for name in charts]
+    for data in pictures:
         assert data[:4] == b"\x89PNG"
-        assert not re.search(rb"tEXt|tIME|iTXt", data), path
+        assert not re.search(rb"tEXt|tIME|iTXt", data)
+    with pytest.raises(InputError, match="no chart 'map'"):
+        StudyResult(done[1]).plot("map")
 
 
 def test_the_page_names_robot_and_gauge_and_says_what_was_found(done):

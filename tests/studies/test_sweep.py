@@ -166,6 +166,7 @@ def test_arms_are_the_same_at_every_point_and_a_longer_sweep_begins_alike():
     assert abs(np.corrcoef(draw_arms(("a", "b"), 4000, 0).T)[0, 1]) < 0.06
 
 
+@pytest.mark.slow
 def test_points_side_by_side_are_those_of_one_process(file):
     """Copies are made after this process has used threads of OpenMP and of data frames, which they do not have."""
     said = []
@@ -175,6 +176,7 @@ def test_points_side_by_side_are_those_of_one_process(file):
     assert said == [("points", k, 2) for k in range(3)]
 
 
+@pytest.mark.slow
 def test_points_of_one_robot_are_paired(file):
     """The uncalibrated error is the arms' own: gauge noise, poses and place of the fixture do not change it."""
     result = sweep({"cells": ["ur10/edbb"], "poses": [30, 60], "candidates": 200, "trials": 20,
@@ -188,6 +190,7 @@ def test_points_of_one_robot_are_paired(file):
     assert step["differs"].all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cell", "changes"),
     [
@@ -240,6 +243,7 @@ def test_a_point_that_cannot_be_measured_says_why():
     assert "shortest length must come first" in found.because
 
 
+@pytest.mark.slow
 def test_wrong_files_and_schedulers_are_told(file, tmp_path, monkeypatch):
     file.write_text(SWEEP.replace("ur10/edbb", "comau-nj130/circular"))
     with pytest.raises(InputError, match="measure at poses"):
@@ -252,6 +256,7 @@ def test_wrong_files_and_schedulers_are_told(file, tmp_path, monkeypatch):
         sweep(file, tmp_path / "out", scheduler="tcp://127.0.0.1:9")
 
 
+@pytest.mark.slow
 def test_from_a_cluster_data_alone_is_read(file, monkeypatch):
     """While it listens to a cluster this process reads no pickle, and it reads them again afterwards."""
     distributed = pytest.importorskip("distributed")

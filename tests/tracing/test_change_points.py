@@ -122,6 +122,7 @@ def test_a_lone_outlier_is_no_step(row):
     assert min(s.log_p for s in best_steps(test, things)) > LOG_SIGNIFICANCE
 
 
+@pytest.mark.slow
 def test_a_step_and_a_mistyped_row_are_named():
     w = world(n=120)
     run = stepped(w, 1, (("step, fixture A", 80, 5.0),))

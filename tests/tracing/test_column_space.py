@@ -39,6 +39,7 @@ def assert_alike(one, other, entries):
         assert s.gain / one.noise == pytest.approx(t.gain / other.noise, rel=0.15, abs=1.0)
 
 
+@pytest.mark.slow
 def test_columns_that_come(states):
     first, second, _, entries = states
     space = ScoreTest.of(first.fit).space

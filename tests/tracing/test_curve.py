@@ -8,6 +8,7 @@ from tests.simulation.generator.catalogue import motions
 from tests.tracing.worlds import calibrated, effect, names, run
 
 
+@pytest.mark.slow
 def test_an_uneven_gear_is_one_finding_and_not_ripple_upon_ripple():
     found = calibrated((effect("gear-uneven", 3, 2e-4, knots=30.0, seed=5.0),), build="tracker", size=400)
     assert names(found) == ["gear error curve, joint 3"]
@@ -19,6 +20,7 @@ def test_an_uneven_gear_is_one_finding_and_not_ripple_upon_ripple():
     assert found.stages[-1].held_out.rms < 1.15 * floor
 
 
+@pytest.mark.slow
 def test_the_curve_is_the_one_that_was_planted():
     """Up to what geometry takes: an offset of the joint, and once a turn."""
     planted = effect("gear-uneven", 2, 3e-4, knots=24.0, seed=1.0)
@@ -70,6 +72,7 @@ def test_gears_that_all_run_unevenly_are_found_together_where_no_single_one_show
     assert len({f.gain for f in found.findings}) == len(found.findings)
 
 
+@pytest.mark.slow
 def test_a_pure_tone_stays_a_tone():
     found = calibrated((effect("reducer-ripple", 3, 2e-4, frequency=9.37, phase=1.0),), seed=4)
     assert names(found) == ["gear ripple, joint 3"]

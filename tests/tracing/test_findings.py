@@ -7,6 +7,7 @@ from tests.simulation.generator.truth import Noise
 from tests.tracing.worlds import arm, calibrated, effect, names
 
 
+@pytest.mark.slow
 def test_what_is_the_same_is_named_as_a_rival():
     """A clock that runs late and joints that run behind are one and the same to first order."""
     found = calibrated((effect("gauge-lag", 0, share=3.0),), build="edbb_continuous", logs=(), size=4000)
@@ -15,6 +16,7 @@ def test_what_is_the_same_is_named_as_a_rival():
     assert {"gauge lag, gauge", "servo lag, all joints"} <= both
 
 
+@pytest.mark.slow
 def test_what_is_not_the_same_is_no_rival():
     found = calibrated((effect("backlash-approach", 3, share=3.0),), seed=2)
     assert names(found) == ["backlash, joint 3"]
@@ -61,6 +63,7 @@ def test_compliances_are_named_where_the_links_weigh_other_than_stated():
         assert f.std < 0.3 * size
 
 
+@pytest.mark.slow
 def test_two_waves_of_one_joint_are_two_findings():
     waves = tuple(effect("reducer-ripple", 3, share=3.0, frequency=f, phase=0.3) for f in (5.3, 12.1))
     found = calibrated(waves, seed=8)

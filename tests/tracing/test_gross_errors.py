@@ -48,6 +48,7 @@ def measured(tmp_path, monkeypatch):
     return changed
 
 
+@pytest.mark.slow
 def test_readings_of_no_pose_are_not_searched_for_causes(measured):
     with pytest.raises(TracedError) as ended:
         measured(lambda read: read + np.random.default_rng(1).normal(scale=50.0, size=read.shape))
@@ -57,6 +58,7 @@ def test_readings_of_no_pose_are_not_searched_for_causes(measured):
     assert result.tried > 1000
 
 
+@pytest.mark.slow
 def test_a_gauge_that_was_moved_as_far_is_searched_for(measured):
     with pytest.raises(SearchedError):
         measured(lambda read: read + np.outer(np.arange(len(read)) > len(read) // 2, [60.0, 0.0, 0.0]))

@@ -1,6 +1,7 @@
 """A run that is more than one piece is searched by a part of it, and every stage that came is judged on all of it."""
 
 import numpy as np
+import pytest
 
 import planner.inference.stages as stages
 from planner.fit.problem import FitProblem
@@ -10,6 +11,7 @@ from tests.tracing.test_state import begun
 from tests.tracing.worlds import calibrated, effect
 
 
+@pytest.mark.slow
 def test_a_search_tries_on_a_part_and_is_judged_on_all(monkeypatch):
     ripple = effect("reducer-ripple", 3, share=3.0, frequency=9.37, phase=1.0)
     start, bench, _ = begun(calibrated((ripple,), traced=False, seed=4))

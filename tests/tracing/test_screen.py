@@ -40,6 +40,7 @@ def test_the_score_is_what_a_refit_gains(kind):
         assert score.gain == pytest.approx(gain, rel=0.03, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "frequency"), [(2, 7.31), pytest.param(4, 18.9, marks=pytest.mark.long)])
 def test_the_frequency_of_a_ripple_comes_out_with_its_uncertainty(seed, frequency):
     found = calibrated((effect("reducer-ripple", 3, share=3.0, frequency=frequency, phase=1.0),), seed=seed)
@@ -49,6 +50,7 @@ def test_the_frequency_of_a_ripple_comes_out_with_its_uncertainty(seed, frequenc
     assert 1e-4 < first.inner.std < 0.2
 
 
+@pytest.mark.slow
 def test_the_size_comes_out_with_its_uncertainty():
     z = []
     for seed in (2, 4):

@@ -57,6 +57,7 @@ def said(**off):
     return tuple(sorted(off.items()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_fixture_and_a_zero_that_are_off_are_named_together(seed):
     """5.5 mm and 0.76 mm were called a step after the last sample but one, and a scale of 4312 ppm."""
@@ -71,6 +72,7 @@ def test_a_fixture_and_a_zero_that_are_off_are_named_together(seed):
     assert np.linalg.norm(position - (np.array([0.258, 1.468, 0.708]) + list(FIXTURE.values()))) < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("off", "name"),
     [(ZERO, "gauge zero, gauge"), ({"map_x": 1e-3, "map_y": 2e-3}, "tool place, tool point")],
@@ -82,6 +84,7 @@ def test_one_thing_that_is_off_is_named_alone(off, name):
 TOGETHER = said(fixture_A_x=-1.4e-3, fixture_A_y=-0.7e-3, fixture_A_z=-7.7e-3, map_x=1.5e-3, map_y=0.1e-3, map_z=0.7e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_a_cell_holds_is_as_uncertain_as_it_says(seed):
     """A fixture and a tool that are off together were called a gauge scale, and joint zeros came out wrong by them."""
@@ -99,6 +102,7 @@ def test_what_a_cell_holds_is_as_uncertain_as_it_says(seed):
     assert not freed.findings
 
 
+@pytest.mark.slow
 def test_what_a_cell_states_is_off_whatever_the_posterior_may_leave_out():
     """In every model anyway, a fixture 7.9 mm off was weighed against nothing at all, and rejected with 0.3 %."""
     found = calibrated(TOGETHER, seed=0, released=True)[1]
@@ -108,6 +112,7 @@ def test_what_a_cell_states_is_off_whatever_the_posterior_may_leave_out():
     assert "fixture place" not in {r.name.partition(",")[0] for r in found.rejected}
 
 
+@pytest.mark.slow
 def test_a_set_up_that_is_known_well_stays_known():
     """Measured to 5 µm nothing of the fixture is in the model; the base's height is told from it."""
     text = "prior_mm = 0.005\n"
@@ -118,12 +123,14 @@ def test_a_set_up_that_is_known_well_stays_known():
     assert {e.name: e.std for e in sure.estimates}["d1"] < 0.1e-3
 
 
+@pytest.mark.slow
 def test_along_a_drive_too():
     found = calibrated(said(**FIXTURE, **ZERO), build="edbb_continuous")[1]
     assert {"fixture place", "gauge zero"} <= {f.effect for f in found.findings}
     assert not {"step", "gauge scale"} & {f.effect for f in found.findings}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_set_up_that_is_as_the_cell_says_is_not_blamed(seed):
     assert names(calibrated(seed=seed)[1]) == []

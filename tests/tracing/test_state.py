@@ -42,6 +42,7 @@ def test_a_wave_that_is_still_on_its_way_keeps_the_uncertainty_of_its_frequency(
         assert after.effects[0].value == pytest.approx(9.37, abs=0.12)
 
 
+@pytest.mark.slow
 def test_weights_that_would_be_far_off_are_left_out(monkeypatch):
     """What is missing yet may look like wrong weights; with them, compliances run off to nothing."""
     size = 2e-3 / arm().reference_torque(2)
@@ -58,6 +59,7 @@ def test_weights_that_would_be_far_off_are_left_out(monkeypatch):
         assert [float(s.sizes(h)[0]) for h in soft] == pytest.approx([size, size], rel=0.25)
 
 
+@pytest.mark.slow
 def test_the_posterior_takes_masses_as_large_as_usual_whatever_the_fit_has_made_of_them():
     """Size that is learnt lets them stand for compliances; it is the compliances whose size the run decides."""
     size = 2e-3 / arm().reference_torque(2)

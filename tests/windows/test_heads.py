@@ -3,6 +3,8 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 from tests.not_everywhere import MODULES
 
 TESTS = Path(__file__).parents[1]
@@ -18,6 +20,7 @@ def heads(tree):
             yield str(node.module).partition(".")[0]
 
 
+@pytest.mark.slow
 def test_no_test_imports_a_module_of_one_system_or_of_planning_at_its_head():
     files = [p for p in TESTS.rglob("*.py") if not BY_HAND & set(p.parts)]
     assert len(files) > 300

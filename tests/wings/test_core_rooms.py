@@ -21,6 +21,7 @@ def without_any(tmp_path_factory):
     return folder, install_with_tests(folder, *WINGS)
 
 
+@pytest.mark.slow
 def test_hardly_any_test_of_the_cores_rooms_needs_an_extension():
     every, left = core_tests(), core_tests(*WINGS)
     assert {t.split("/")[1] for t in left} == set(ROOMS)

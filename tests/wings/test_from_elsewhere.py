@@ -36,6 +36,7 @@ def installed(tmp_path_factory):
     return folder, {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder), str(ROOT))), "COLUMNS": "120"}
 
 
+@pytest.mark.slow
 def test_it_is_listed_and_its_help_has_its_options(installed):
     listed = edbb_in(*installed, "--help")
     assert "│ reach          Say how far the tool point comes from the base." in listed.stdout, listed.stderr
@@ -44,6 +45,7 @@ def test_it_is_listed_and_its_help_has_its_options(installed):
     assert "random states that are tried" in shown
 
 
+@pytest.mark.slow
 def test_it_is_run(installed):
     folder, _ = installed
     done = edbb_in(*installed, "reach", "ur10/edbb", "-o", "out", "--states", 500, "--json")
@@ -65,17 +67,20 @@ def run_code(installed, code):
     return done.stdout
 
 
+@pytest.mark.slow
 def test_it_is_a_name_of_the_package(installed):
     code = "from planner import reach; import planner; print(reach('ur10/edbb', states=9), 'reach' in planner.__all__)"
     assert run_code(installed, code).strip().endswith("> True")
 
 
+@pytest.mark.slow
 def test_the_service_runs_it_and_the_documentation_has_its_table(installed):
     said = run_code(installed, ON_A_SERVER)
     assert said.startswith("reach\n")
     assert "| `--states` | 1 to 1e+06, default 10000 | random states that are tried |" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "instead", "said"),
     [

@@ -70,6 +70,7 @@ def test_the_metadata_of_the_package_names_every_extension():
     assert project["entry-points"][GROUP] == WINGS
 
 
+@pytest.mark.slow
 def test_no_file_of_the_core_imports_one_of_an_extension():
     """Nor do its types; what shipped extensions give to editors stands in ``planner/wings/names.pyi``."""
     owner = {f: wing for wing in WINGS for f in files_of(wing)}
@@ -104,6 +105,7 @@ def test_an_extension_names_the_others_that_it_imports(wing):
     assert set().union(*(c.needs for c in commands)) == needed
 
 
+@pytest.mark.slow
 def test_a_command_that_needs_an_extension_that_is_left_out_says_so(tmp_path):
     environment = install_without(tmp_path, "circles", "checks")
     for words, absent in (
@@ -146,6 +148,7 @@ def test_extensions_register_in_the_tables_that_are_compared_and_nowhere_else(ea
     assert all(len(each[wing]) == len(set(each[wing])) > 0 for wing in WINGS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wing", [w if w in QUICK else pytest.param(w, marks=pytest.mark.long) for w in WINGS])
 def test_without_an_extension_all_but_its_own_is_registered_and_listed(tmp_path, wing, each):
     """Registration adds up: so a test of the core that passes with all extensions and with none passes with some.
@@ -172,6 +175,7 @@ def core(tmp_path_factory):
     return folder, install_without(folder, *WINGS)
 
 
+@pytest.mark.slow
 def test_every_module_of_the_core_is_imported_without_extensions(core):
     folder, environment = core
     code = EVERY_MODULE.format(home=str(folder), without="planner.wings.")
@@ -202,6 +206,7 @@ def test_the_chain_runs_without_extensions(core):
     assert (folder / "corrected.src").read_text() != source.read_text()
 
 
+@pytest.mark.slow
 def test_a_section_that_only_an_extension_reads_is_refused_by_the_name_of_it(core):
     folder, environment = core
     (folder / "mine.toml").write_text(shipped("comau-nj130/circular"))
@@ -222,6 +227,7 @@ def test_the_sections_that_are_told_of_are_those_that_an_extension_declares(wing
     assert declared <= set(section_readers())
 
 
+@pytest.mark.slow
 def test_what_only_an_extension_plans_is_told(core):
     folder, environment = core
     (folder / "plan.json").write_text(json.dumps({"schema": "edbb-plan/1", "kind": "circular", "plan_id": "0" * 12}))
@@ -233,6 +239,7 @@ def test_what_only_an_extension_plans_is_told(core):
     assert "no extension that is installed here runs commands on a server" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_name_of_an_extension_that_is_left_out_is_told(core):
     folder, environment = core
     done = run_in(folder, environment, "-c", "from planner import plan, study")

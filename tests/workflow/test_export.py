@@ -80,6 +80,7 @@ def test_a_plan_and_its_cell_belong_together(folder):
     assert [f.name for f in files] == ["A.src", "A.dat"]
 
 
+@pytest.mark.slow
 def test_signals_and_numbers_may_be_named_later(folder):
     _change(folder / "cell.toml", "log_axes = true", "log_axes = true\nsync_output = 33")
     (note,) = export(folder / "plan.json", dialect="krl", name="a").notes
@@ -142,6 +143,7 @@ def test_poses_that_are_not_those_driven_are_refused(folder, change, said):
         export(path, dialect="krl", name="a")
 
 
+@pytest.mark.slow
 def test_the_file_as_given_is_written_and_the_rest_is_told(folder, tmp_path):
     for given, rest in (("p.src", "p.dat"), ("Tour 1.src", "TOUR_1.dat"), ("p.txt", "p.dat")):
         out = tmp_path / given.replace(".", "_")

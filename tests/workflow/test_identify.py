@@ -82,6 +82,7 @@ def _cell(folder):
     return "--cell", folder / "cell.toml", "--plan", folder / "plan.json"
 
 
+@pytest.mark.slow
 def test_the_run_says_that_it_is_simulated(measured):
     lines = (measured / "run.csv").read_text().splitlines()
     assert "# plan_id: 0123456789ab" in lines
@@ -144,6 +145,7 @@ def test_the_calibrated_robot_is_the_true_one(identified):
     assert np.abs(nominal).max() < 1e-9  # the file still knows what the controller believes
 
 
+@pytest.mark.slow
 def test_a_program_is_corrected(identified):
     (identified / "part.src").write_text(PROGRAM)
     frames = ("--tool", "0,0,100,0,0,0", "--base", "0,0,0,0,0,0")
@@ -172,6 +174,7 @@ def test_a_program_is_corrected(identified):
     assert after < 0.3 * before
 
 
+@pytest.mark.slow
 def test_corrected_joints_bring_the_found_robot_where_the_nominal_should_be(identified):
     header = ",".join(f"q{k}_deg" for k in range(1, 7))
     np.savetxt(identified / "t.csv", TARGETS, "%.6f", ",", header=header, comments="")
@@ -189,6 +192,7 @@ def test_corrected_joints_bring_the_found_robot_where_the_nominal_should_be(iden
     assert np.linalg.norm(there - wanted, axis=1).max() < 1e-7
 
 
+@pytest.mark.slow
 def test_a_calibration_whose_line_ends_were_changed_by_git_corrects_as_before(identified):
     (identified / "part.src").write_text(PROGRAM)
     words = ("compensate", identified / "part.src", "--model", identified / "out" / "robot.toml", "-o", "-")
@@ -201,6 +205,7 @@ def test_a_calibration_whose_line_ends_were_changed_by_git_corrects_as_before(id
     np.testing.assert_array_equal(Baseline.read(identified / "out", cell).root, root)
 
 
+@pytest.mark.slow
 def test_a_correction_that_is_expected_to_do_harm_is_refused(identified):
     """The robot's file stays, but what is known says that its values are ten times as far off as the nominal ones."""
     (identified / "part.src").write_text(PROGRAM)
@@ -341,6 +346,7 @@ def test_simulating_a_broken_plan_leaves_nothing(tmp_path):
     assert not (tmp_path / "run.csv").exists()
 
 
+@pytest.mark.slow
 def test_what_was_simulated_is_identified_in_the_cell_of_its_plan(tmp_path):
     plan = wide_plan(tmp_path, "kuka-kr6-r700", 30, 4, 0)
     simulated = simulate(plan, seed=1)
@@ -352,6 +358,7 @@ def test_what_was_simulated_is_identified_in_the_cell_of_its_plan(tmp_path):
         identify(simulated)
 
 
+@pytest.mark.slow
 def test_a_driven_plan_is_identified_and_judged_on_stretches_kept_out(tmp_path):
     fast = [("tool_speed_mm_min = 1000", "tool_speed_mm_min = 20000")]
     plan = wide_plan(tmp_path, "comau-nj130", 30, 4, 0, fast)

@@ -40,6 +40,7 @@ def naive_condition(rows, n):
     return np.linalg.cond(rows)
 
 
+@pytest.mark.slow
 def test_a_pruned_plan_says_its_value_the_exchange_s_and_the_bound(pruned):
     _, folder, said = pruned
     seen = json.loads((folder / "plan.json").read_text())["observability"]
@@ -56,6 +57,7 @@ def test_a_pruned_plan_says_its_value_the_exchange_s_and_the_bound(pruned):
     assert "pruning, one pose at a time" in (folder / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_plan_as_published_says_so_and_has_g_code_and_krl(pruned):
     _, folder, _ = pruned
     made = json.loads((folder / "plan.json").read_text())
@@ -68,6 +70,7 @@ def test_a_plan_as_published_says_so_and_has_g_code_and_krl(pruned):
     assert cell.file.motion.order == "slowest-axis"
 
 
+@pytest.mark.slow
 def test_as_published_sets_every_stage():
     cell = load_cell("comau-nj130/edbb")
     same, asked, notes = follow_paper(cell, PlanOptions())
@@ -81,6 +84,7 @@ def test_as_published_sets_every_stage():
     assert from_the_cell[1] == replace(asked, as_published=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cell", "options", "words"),
     [
@@ -97,6 +101,7 @@ def test_what_does_not_go_with_the_paper_is_refused(cell, options, words):
         follow_paper(load_cell(cell), PlanOptions(as_published=True, **options))
 
 
+@pytest.mark.slow
 def test_the_poses_are_those_that_naive_pruning_leaves(pruned):
     path, folder, _ = pruned
     session = BarPoses(load_cell(str(path)), PlanOptions(poses=30, method="pruning"))
@@ -120,6 +125,7 @@ def test_the_method_of_the_cell_is_that_of_the_command_line(pruned, tmp_path):
     assert made.plan.choice.raw_indices["O2"] == pytest.approx(told["observability"]["O2"])
 
 
+@pytest.mark.slow
 def test_without_a_number_pruned_poses_are_as_many_as_its_curve_bends_at(pruned):
     path, _, _ = pruned
     session = BarPoses(load_cell(str(path)), PlanOptions(method="pruning"))
@@ -130,6 +136,7 @@ def test_without_a_number_pruned_poses_are_as_many_as_its_curve_bends_at(pruned)
     assert len(choice.q) == choice.pruning.left.knee
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "order"),
     [
@@ -146,6 +153,7 @@ def test_the_order_and_its_earlier_name_are_read(line, order, tmp_path):
     assert load_cell(str(path)).motion.order == order
 
 
+@pytest.mark.slow
 def test_both_names_of_the_order_are_refused(tmp_path):
     path = tmp_path / "cell.toml"
     both = '[motion]\norder = "slowest-limit"\ntour_cost = "axes"'

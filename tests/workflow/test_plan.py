@@ -40,6 +40,7 @@ def measured(plan, role="calibrate"):
     return np.deg2rad([p["q_deg"] for p in plan["poses"] if p["role"] == role])
 
 
+@pytest.mark.slow
 def test_the_plan_keeps_the_contract(either):
     plan = either.plan
     assert set(plan) >= KEYS
@@ -112,6 +113,7 @@ def test_the_index_is_that_of_a_numeric_jacobian(either):
     assert seen["gap"] == pytest.approx(seen["O2"] / seen["bound"] - 1, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_driven_path_keeps_every_limit_by_dense_samples(either):
     """Lengths, tilts and clearances of the written trajectory, by plain formulas and python-fcl."""
     cell = read_cell(either.folder / "cell.toml", "cell")
@@ -178,6 +180,7 @@ def test_programs_read_back_to_the_planned_poses(either):
             cursor += int(np.argmin(near))
 
 
+@pytest.mark.slow
 def test_export_writes_the_same_program(either, tmp_path):
     entry = next(e for e in either.plan["programs"] if e["dialect"] != "krl")
     done = edbb("export", either.folder / "plan.json", "--dialect", entry["dialect"], "-o", tmp_path / entry["file"])
@@ -197,6 +200,7 @@ def test_every_index_is_said_with_its_units(moving):
     assert [line for line in facts if "in m, rad" not in line] == []
 
 
+@pytest.mark.slow
 def test_export_to_standard_output(moving):
     done = edbb("export", moving.folder / "plan.json", "--dialect", "bnr", "-o", "-")
     assert done.returncode == 0, done.stderr
@@ -219,6 +223,7 @@ def test_same_bytes_with_one_thread_and_two(tmp_path):
             assert (one / file).read_bytes() == (two / file).read_bytes(), file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "words", "code", "said"),
     [
@@ -274,12 +279,14 @@ def test_lists():
     assert edbb("--version").stdout.startswith("edbb ")
 
 
+@pytest.mark.slow
 def test_shipped_cells_are_loaded_from_anywhere(tmp_path):
     done = edbb("robots", cwd=tmp_path)
     assert done.returncode == 0
     assert load_cell("ur10/edbb").robot.name == "ur10"
 
 
+@pytest.mark.slow
 def test_a_plan_that_was_changed_is_proven_anew_or_refused(moving, tmp_path):
     """The folder can be moved; an axis turned, a pose moved or a corner widened is never driven unproven."""
     there = tmp_path / "moved"
@@ -307,6 +314,7 @@ def test_a_plan_that_was_changed_is_proven_anew_or_refused(moving, tmp_path):
     assert "proven anew by both engines" in changed(lambda c: c.update(seed=99)).notes[0]
 
 
+@pytest.mark.slow
 def test_poses_that_no_proven_path_joins_in_time_are_told_and_are_no_plan(tmp_path, monkeypatch):
     def give_up(*_):
         raise TimeIsOverError("the time limit is over while motions are proven")

@@ -4,11 +4,14 @@ import shutil
 import subprocess
 import sys
 
+import pytest
+
 from tests.golden.case import ROOT, lay_files
 from tests.golden.cases import CASES
 from tests.processors import with_threads
 
 
+@pytest.mark.slow
 def test_a_calibration_is_the_same_on_one_thread_and_on_two(tmp_path):
     (case,) = (c for c in CASES if c.name == "irb120-ball-socket")
     (step,) = case.steps

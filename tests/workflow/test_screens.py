@@ -107,12 +107,14 @@ def test_every_screen_of_a_fit_has_eight_lines(fitted, monkeypatch):
         assert max(map(len, facts)) <= 165, max(facts, key=len)
 
 
+@pytest.mark.slow
 def test_what_a_fit_is_made_of_shows_itself_in_one_line(fitted):
     found = fitted.calibration
     parts = (found, found.fit, found.fit.model, found.setup, found.released, found.run, fitted.cell, fitted.parameters)
     assert all(len(repr(part)) < 200 and "\n" not in repr(part) for part in parts)
 
 
+@pytest.mark.slow
 def test_what_does_not_stand_on_the_screen_is_said_where_more_is_asked(fitted):
     made = with_traits(fitted, [SURE] * 3, None, False, 1, ("the tip is loose",), "sound")
     more = made.full_summary(verbose=True)
@@ -126,6 +128,7 @@ def test_what_does_not_stand_on_the_screen_is_said_where_more_is_asked(fitted):
     assert nothing.count("no cause beyond the geometry") == 1
 
 
+@pytest.mark.slow
 def test_a_note_that_asks_nothing_is_not_on_the_screen(fitted):
     aside = "the links have no masses"
     found = fitted.calibration
@@ -137,6 +140,7 @@ def test_a_note_that_asks_nothing_is_not_on_the_screen(fitted):
     assert [note for note in made.overview().notes if isinstance(note, Aside)] == [aside]
 
 
+@pytest.mark.slow
 def test_a_fit_that_failed_says_first_what_is_probably_wrong_and_no_parameter(fitted):
     changes = {"problems": ("perhaps joint 2 counts the other way: give it sense = -1; held-out poses are 90 mm off",)}
     made = dataclasses.replace(fitted, calibration=fitted.calibration.model_copy(update=changes))
@@ -145,6 +149,7 @@ def test_a_fit_that_failed_says_first_what_is_probably_wrong_and_no_parameter(fi
     assert "moved most" not in "".join(lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("share", "separable", "foreseen", "commands"),
     [
@@ -169,6 +174,7 @@ def test_a_correction_that_leaves_the_error_is_not_the_next_step(
     assert all(command in step for command, step in zip(commands, steps, strict=True))
 
 
+@pytest.mark.slow
 def test_the_next_step_says_what_a_robot_lacks_whose_file_names_no_controller(fitted):
     """Its programs would be refused: it is said before one is."""
     lacks = "once robot.toml says how its controller counts ([controllers])"

@@ -51,6 +51,7 @@ def _way(cell: Cell, seed: int) -> Waypoints:
 QUICK = (("panda/tracker", "ros2-trajectory"), ("so101/wire", "lerobot"))  # one of each language, a light arm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "dialect"),
     [pytest.param(*pair, marks=() if pair in QUICK else pytest.mark.long) for pair in PAIRS],

@@ -76,6 +76,7 @@ def test_runs_of_every_size_pass(cell, reach):
     check_unit(run_of(cell, poses(40, reach)), cell)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "noise", [pytest.param(5e-5, marks=pytest.mark.long), 2e-4, pytest.param(1e-3, marks=pytest.mark.long)]
 )
@@ -89,6 +90,7 @@ def test_an_arm_that_turns_about_its_point_passes(cell, noise):
     check_unit(turning, cell)
 
 
+@pytest.mark.slow
 def test_the_command_refuses_before_it_fits(cell, tmp_path):
     q = poses(30, 0.7)
     p = np.asarray(run_of(cell, q).readings.position)

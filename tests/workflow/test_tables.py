@@ -32,6 +32,7 @@ def robot(tmp_path_factory):
         return CalibrationResult(identify(run, cell, settings=FitSettings(geometry=True), tracer=trace), cell)
 
 
+@pytest.mark.slow
 def test_parameters_are_read_by_name_and_as_a_frame_in_the_units_of_the_document(robot):
     document = {p["name"]: p for p in json.loads(robot.to_json())["parameters"]}
     frame = robot.parameters.to_frame()

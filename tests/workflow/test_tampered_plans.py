@@ -146,6 +146,7 @@ def _differ_by(plan, changed) -> float:
     return max(abs(a - b) for a, b in pairs)
 
 
+@pytest.mark.slow
 def test_the_plan_as_written_holds_by_the_independent_check(written):
     folder, plan, plain = written
     assert complaints(folder, plain) == []
@@ -183,6 +184,7 @@ def test_ways_that_do_not_join_are_refused(written):
         export(folder / "plan.json", dialect="krl")
 
 
+@pytest.mark.slow
 def test_a_pose_that_a_person_moves_everywhere_is_driven_where_it_is_proven(written):
     """A support pose may be moved by hand; far off it is not proven, and the sentence says which move."""
     folder, plan, _ = written

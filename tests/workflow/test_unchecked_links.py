@@ -127,6 +127,7 @@ def test_screen_plan_report_and_program_name_them(crowded):
     assert "arm2_lower" in (crowded.parent / "six.json").read_text()[:4000]
 
 
+@pytest.mark.slow
 def test_of_a_robot_that_is_checked_whole_nothing_is_said(tmp_path):
     cell = load_cell(cell_of(tmp_path, whole_arm()))
     assert cell.robot.unchecked_links == ()

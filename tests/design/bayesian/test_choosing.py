@@ -44,6 +44,7 @@ def left(white, weight, which):
     return float(np.trace(weight @ np.linalg.inv(rows.T @ rows + np.eye(white.shape[1]))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_what_is_known_is_kept_up_to_date(seed):
     white, weight = drawn(seed)
@@ -61,6 +62,7 @@ def test_what_is_known_is_kept_up_to_date(seed):
     assert np.allclose(known.spread, np.diag(white @ covariance @ white.T))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_no_set_beats_the_bound_and_the_choice_is_near_the_best(seed):
     white, weight = drawn(seed)
@@ -74,6 +76,7 @@ def test_no_set_beats_the_bound_and_the_choice_is_near_the_best(seed):
     assert best * (1 - 1e-9) <= found < 1.6 * best
 
 
+@pytest.mark.slow
 def test_the_bound_meets_the_error_where_all_candidates_are_taken():
     white, weight = drawn(3)
     everything = np.arange(len(white))
@@ -103,6 +106,7 @@ def expected(kuka):
     return choose_bayesian_poses(cell, pool, 120).result()
 
 
+@pytest.mark.slow
 def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(kuka, expected):
     _, pool = kuka
     assert len(set(expected.chosen)) == 120
@@ -119,6 +123,7 @@ def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(k
     assert f"{1e3 * expected.left:.3f} mm" in describe_forecast(expected)
 
 
+@pytest.mark.slow
 def test_without_a_number_it_stops_at_the_target_or_where_no_pose_helps_much():
     white, weight = drawn(5, n=60)
     whole = np.sqrt(np.trace(weight))
@@ -129,12 +134,14 @@ def test_without_a_number_it_stops_at_the_target_or_where_no_pose_helps_much():
     assert len(select_greedily(BayesianPosterior.prior(many, weight), 600, 0.3 * whole)) == FEWEST_POSES
 
 
+@pytest.mark.slow
 def test_more_poses_than_candidates_are_refused(kuka):
     cell, pool = kuka
     with pytest.raises(NoSolutionError, match="only 1500 candidates"):
         choose_bayesian_poses(cell, pool, 2000)
 
 
+@pytest.mark.slow
 def test_more_poses_leave_less_and_never_less_than_all_candidates(expected):
     assert [f.poses for f in expected.by_number] == sorted({*FORESEEN_NUMBERS, 120})
     errors = [f.error for f in expected.by_number]
@@ -143,6 +150,7 @@ def test_more_poses_leave_less_and_never_less_than_all_candidates(expected):
     assert next(f.error for f in expected.by_number if f.poses == 120) == pytest.approx(expected.left)
 
 
+@pytest.mark.slow
 def test_a_plan_of_few_poses_foresees_of_more_what_these_would_leave(kuka):
     cell, pool = kuka[0], kuka[1].take(np.arange(0, 1500, 4))
     few = choose_bayesian_poses(cell, pool, 20).result()
@@ -156,6 +164,7 @@ def test_a_plan_of_few_poses_foresees_of_more_what_these_would_leave(kuka):
     assert foreseen[40] < 0.6 * foreseen[20]
 
 
+@pytest.mark.slow
 def test_a_goal_is_reached_by_the_poses_that_are_settled_and_not_by_those_before_it():
     """Settling takes some away here, as poses at a second fixture take the places of others."""
     rng = np.random.default_rng(3)
@@ -178,6 +187,7 @@ def test_a_goal_is_reached_by_the_poses_that_are_settled_and_not_by_those_before
         settle_until(unknown, white, order, 0.5 * error_limit(unknown, white), settle)
 
 
+@pytest.mark.slow
 def test_a_goal_is_told_with_its_chance_after_the_poses_as_they_are_driven(kuka, expected):
     """By errors drawn from what the readings leave."""
     samples = kuka[1].samples.take(expected.chosen)
@@ -193,6 +203,7 @@ def test_a_goal_is_told_with_its_chance_after_the_poses_as_they_are_driven(kuka,
     assert describe_goal(expected.with_driven_poses(samples, lambda poses: poses / 2)) == ""
 
 
+@pytest.mark.slow
 def test_the_bound_is_held_against_what_was_chosen_and_not_against_what_was_moved(kuka, expected):
     better = replace(expected, after=0.5 * expected.after, left=0.5 * expected.left)
     assert better.gap == expected.gap > 0.0
@@ -201,6 +212,7 @@ def test_the_bound_is_held_against_what_was_chosen_and_not_against_what_was_move
     assert "before they were moved" not in describe_forecast(expected)
 
 
+@pytest.mark.slow
 def test_the_numbers_are_told_with_their_minutes_and_another_fixture_where_it_pays(kuka, expected):
     driven = expected.with_driven_poses(kuka[1].samples.take(expected.chosen), lambda poses: poses / 2)
     assert driven.left == pytest.approx(expected.left)
@@ -210,6 +222,7 @@ def test_the_numbers_are_told_with_their_minutes_and_another_fixture_where_it_pa
     assert "another fixture" in describe_numbers_of_poses(replace(driven, floor=0.6 * driven.left))
 
 
+@pytest.mark.slow
 def test_the_aim_is_tracing_unless_a_number_an_index_or_the_cell_say_otherwise():
     cell = load_cell("comau-nj130/edbb")
     assert PlanOptions().aims_at_tracing(cell)
@@ -218,6 +231,7 @@ def test_the_aim_is_tracing_unless_a_number_an_index_or_the_cell_say_otherwise()
     assert not PlanOptions().aims_at_tracing(load_cell("comau-nj130/paper"))
 
 
+@pytest.mark.slow
 def test_minutes_of_the_planned_number_are_those_that_are_driven():
     cell = load_cell("comau-nj130/edbb")
     drive = Of(visits=range(110), trajectory=Of(duration_s=2400.0))
@@ -226,6 +240,7 @@ def test_minutes_of_the_planned_number_are_those_that_are_driven():
     assert np.all(np.diff([minutes(n) for n in (20, 40, 100, 200)]) > 0)
 
 
+@pytest.mark.slow
 def test_a_fixture_that_tells_less_with_every_reading_has_poses_nevertheless():
     rng = np.random.default_rng(8)
     place = np.repeat([0, 1], 300)

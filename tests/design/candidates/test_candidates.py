@@ -28,6 +28,7 @@ def cell_with(tmp_path, *changes):
     return load_cell(str(path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", cells_that(lambda cell: not cell.gauge.at_balls))
 def test_every_candidate_passes_every_filter(name):
     """Checked by plain formulas and by python-fcl's kinematics-free cousin, not by the margins that drew them."""
@@ -73,6 +74,7 @@ def test_a_pair_that_always_stands_between_the_clearance_and_its_margin_is_named
     assert re.search(rf"Every state collides \(nearer than .* mm\): {named} in 100% of the states; look", said)
 
 
+@pytest.mark.slow
 def test_two_bodies_that_are_always_too_near_end_the_search_early(monkeypatch):
     """The clearance is wider than what a pair of bodies leaves in any state: five thousand say so, not fifty."""
     cell = load_cell("kuka-kr6-r700/edbb")
@@ -90,6 +92,7 @@ def test_two_bodies_that_are_always_too_near_end_the_search_early(monkeypatch):
     assert 5_000 < sum(asked) < 40_000
 
 
+@pytest.mark.slow
 def test_the_shell_sample_is_as_dense_as_blind_rejection():
     """Kolmogorov–Smirnov of every joint against blind uniform samples, and the count that the arcs stand for."""
     cell = load_cell("comau-nj130/edbb")
@@ -118,6 +121,7 @@ def test_same_seed_same_candidates_other_seed_others():
     assert not np.array_equal(a, c)
 
 
+@pytest.mark.slow
 def test_the_papers_joint_grid(tmp_path):
     cell = cell_with(tmp_path, ("[plan]", "[plan]\ngrid_step_deg = 25"))
     pool = draw_candidates(cell, 100_000)

@@ -42,6 +42,7 @@ def path(constraints):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_every_pose_is_come_to_from_the_wanted_side(constraints, path, sign):
     wanted = np.zeros((7, 6), dtype=int)
@@ -56,6 +57,7 @@ def test_every_pose_is_come_to_from_the_wanted_side(constraints, path, sign):
     assert constraints.prove(longer.q[:-1], longer.q[1:]).proven.all()
 
 
+@pytest.mark.slow
 def test_a_path_that_comes_from_the_wanted_sides_stays(constraints, path):
     natural = np.zeros((7, 6), dtype=int)
     natural[1:] = np.sign(np.diff(path.q[path.node >= 0], axis=0))[:6]
@@ -63,6 +65,7 @@ def test_a_path_that_comes_from_the_wanted_sides_stays(constraints, path):
     assert longer.q.shape == path.q.shape
 
 
+@pytest.mark.slow
 def test_sides_are_chosen_for_the_axes_whose_play_is_in_question(done, tmp_path):
     found = read_identification(file(tmp_path, PLAY), NJ, 6)
     assert approach_axes(found, cell()) == (1, 2)
@@ -73,6 +76,7 @@ def test_sides_are_chosen_for_the_axes_whose_play_is_in_question(done, tmp_path)
     assert len(np.unique(done.choice.chosen)) == len(done.choice.chosen)
 
 
+@pytest.mark.slow
 def test_wanted_sides_tell_more_than_any(done):
     """As driven with the sides turned over at random, the same poses tell the two plays apart less surely."""
     chosen = done.choice.chosen
@@ -86,6 +90,7 @@ def test_wanted_sides_tell_more_than_any(done):
         assert next(t for t in other if t.named).noncentrality < told.noncentrality
 
 
+@pytest.mark.slow
 def test_the_same_seed_chooses_the_same_poses(done, tmp_path):
     again = select_discriminating_poses(cell(), pool(), usual(), read_identification(file(tmp_path, PLAY), NJ, 6), 0)
     assert again.separation == done.separation

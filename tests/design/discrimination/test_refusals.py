@@ -63,6 +63,7 @@ def test_the_command_refuses_before_it_plans(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_exact_rivals_have_no_plan(tmp_path):
     """A clock that runs late, and joints that all run behind by as much, are one and the same."""
     found = read_identification(file(tmp_path, (*LAG, ["servo lag, all joints"])), NJ, 6)
@@ -72,6 +73,7 @@ def test_exact_rivals_have_no_plan(tmp_path):
     assert refused.value.exit_code == 3
 
 
+@pytest.mark.slow
 def test_a_band_of_a_gear_has_no_poses(tmp_path):
     """What the posterior holds has no frequency of its own, and that is said."""
     band = ("gear ripple", "joint 3", 0.01, "deg", ["encoder once a turn, joint 3"])
@@ -80,6 +82,7 @@ def test_a_band_of_a_gear_has_no_poses(tmp_path):
         select_discriminating_poses(cell(), pool(), usual(), found, 0)
 
 
+@pytest.mark.slow
 def test_exact_rivals_beside_others_are_told(tmp_path):
     rivals = ["servo lag, all joints", "servo lag, joint 2", "thermal drift, joint 1"]
     found = read_identification(file(tmp_path, (*LAG, rivals)), NJ, 6)
@@ -95,6 +98,7 @@ def test_exact_rivals_beside_others_are_told(tmp_path):
     assert 0 <= done.gap < 0.3
 
 
+@pytest.mark.slow
 def test_what_would_help_is_found_by_trying(tmp_path):
     """One bar from one place sees no difference between an encoder and a bearing of the first axis; two places do."""
     wave = ("encoder once a turn", "joint 1", 0.02, "deg")

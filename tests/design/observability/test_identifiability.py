@@ -30,6 +30,7 @@ def seen(poses, beta=(), free=(), arm=NJ130, **settings):
     return find_identifiable(dh_arm.rows(arm, poses, beta, free), dh_arm.names(arm, beta, free), **settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("beta", "free"), [((2,), ("fixture", "tool", "zero"))])
 def test_rows_of_the_test_arm_agree_with_complex_steps(poses, beta, free):
     rows = dh_arm.rows(NJ130, poses[:20], beta, free)[:, 0]

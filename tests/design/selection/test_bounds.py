@@ -53,6 +53,7 @@ def test_no_subset_of_any_size_beats_the_bound_for_any_number(kind):
     assert all(not INDEX_RULES[kind].is_better(best_of_all(rows, n, kind), certificate.value) for n in range(3, 12))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["O1", "O2", "O3", "O5"])
 def test_the_bound_is_the_relaxation_to_a_tenth_of_a_percent(kind, paper_pool):
     certificate = certify_bound(paper_pool, kind, 60)
@@ -80,6 +81,7 @@ def test_a_pool_of_the_paper_size_has_a_bound_near_thirty():
     assert 29 < certify_bound(rows[..., kept], "O2").value < 32.5
 
 
+@pytest.mark.slow
 def test_any_number_agrees_with_a_general_solver():
     """The same relaxation for O2 on a small pool by direct search."""
     rows = pool(6, count=12)
@@ -134,6 +136,7 @@ def test_the_only_set_is_its_own_certificate():
     assert exchange_poses(rows, len(rows), certificate=certificate).gap == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_bound_begun_near_another_is_as_good(paper_pool):
     far, near = (
         certify_bound(paper_pool, "O2", 50),
@@ -142,6 +145,7 @@ def test_a_bound_begun_near_another_is_as_good(paper_pool):
     assert near.value == pytest.approx(far.value, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["O2", "O3"])
 def test_a_certificate_bounds_the_candidates_that_are_left(kind, paper_pool):
     whole = certify_bound(paper_pool, kind, 35)

@@ -27,6 +27,7 @@ def chosen():
     return cell, pool, judge_poses(cell, pool, np.arange(0, 400, 10), "O2")
 
 
+@pytest.mark.slow
 def test_what_was_lost_does_not_come_back(chosen):
     _, pool, choice = chosen
     bad = set(range(0, 400, 3))  # two thirds of the candidates are joined
@@ -103,6 +104,7 @@ def test_poses_moved_to_where_no_path_joins_them_are_put_back_and_the_others_mov
     np.testing.assert_allclose(kept.q[moved], choice.q[moved] + 0.03)
 
 
+@pytest.mark.slow
 def test_poses_that_stay_are_where_they_were_and_the_others_better_the_index(chosen):
     cell, _, choice = chosen
     stay = np.array([2, 5, 30])
@@ -140,6 +142,7 @@ def test_no_doubtful_candidate_takes_the_place_of_a_lost_one(chosen):
         replace_all(pool, choice, lambda c: np.array([0]), "are lost", lambda: np.arange(400))
 
 
+@pytest.mark.slow
 def test_candidates_are_proven_that_a_path_joins_whatever_their_neighbours_are(chosen):
     cell, pool, choice = chosen
     cell = with_mounts(cell, 0)

@@ -55,6 +55,7 @@ def test_pruning_is_the_naive_pruning(kind, seed, readings):
     assert prune_poses(rows, 6, kind).tolist() == naive_prune(rows, 6, kind)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", INDICES)
 def test_pruning_until_as_many_poses_as_parameters_has_every_number_on_its_way(kind):
     rows = pool(3, count=25)
@@ -154,6 +155,7 @@ def test_the_shifts_are_the_best_ones(kind):
         assert not k or value(lower, upper * factor) > best
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["O1", "O2", "O3"])
 def test_no_swap_betters_the_result_and_it_beats_pruning(arm_pool, kind):
     rows = arm_pool[1][:400]
@@ -176,6 +178,7 @@ def test_the_gap_on_the_arm(arm_pool):
     assert exchange_poses(rows, 100, "O2", starts=1, steps=1_000).gap < 0.04
 
 
+@pytest.mark.slow
 def test_refinement_keeps_every_filter_and_only_gets_better(arm_pool):
     q, rows, kept = arm_pool
     start = exchange_poses(rows, 30, "O2", starts=1, steps=200).chosen
@@ -199,6 +202,7 @@ def test_refinement_keeps_every_filter_and_only_gets_better(arm_pool):
         refine_off_grid(q[start] + 1.0, lambda t, _: dh_arm.rows(NJ130, t)[..., kept], valid)
 
 
+@pytest.mark.slow
 def test_the_curve_lies_on_the_right_side_of_its_bound(arm_pool):
     curve = compute_index_curve(arm_pool[1][:600], [24, 30, 40, 60, 90], steps=150)
     assert np.all(curve.values >= curve.bounds)
@@ -239,6 +243,7 @@ print(hashlib.sha256(b"".join(p.tobytes() for p in parts)).hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_the_same_bytes_on_one_thread_and_on_two():
     seen = {
         subprocess.run(

@@ -32,6 +32,7 @@ def _all_processors():
     keep_to_one(os.environ.get("PYTEST_XDIST_WORKER", ""))
 
 
+@pytest.mark.slow
 def test_it_finds_what_one_process_finds():
     rows = np.random.default_rng(0).normal(size=(60, 1, 4))
     with BackgroundCurve(rows, [5, 6, 7], "O2", 0, help_out=True) as curve:
@@ -85,6 +86,7 @@ def test_an_assistant_goes_when_nobody_refers_to_it():
         os.kill(pid, 0)
 
 
+@pytest.mark.slow
 def test_the_worker_ends_with_its_parent():
     parent = subprocess.Popen([sys.executable, "-c", SLOW], stdout=subprocess.PIPE, text=True)
     worker = int(parent.stdout.readline())

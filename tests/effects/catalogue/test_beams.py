@@ -20,6 +20,7 @@ def run():
     return Excitation.of(setup_of(cell), Samples(q, np.zeros(len(q), dtype=int)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", [1, 2])
 def test_a_beams_end_goes_where_its_curvature_leads(run, link):
     """Its pieces are turned one after the other, each by the moment there: what hangs beyond pulls on a lever."""

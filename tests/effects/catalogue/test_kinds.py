@@ -101,6 +101,7 @@ def test_compound_effect_has_a_name_in_the_catalogue(kind):
     assert KINDS[kind].counts_as_right(made.truth.effects[0], entry.kind, joint_of(str(entry.place)))
 
 
+@pytest.mark.slow
 def test_no_entry_of_the_catalogue_explains_what_has_no_entry():
     for kind in NO_ENTRY:
         run, setup, model = measured(planted(kind))

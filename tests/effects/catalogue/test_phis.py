@@ -70,6 +70,7 @@ def column_and_differences(setup, s, target, parameter):
     return model.rows(s, np.array([at]))[:, :, 0], found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "kind"),
     [

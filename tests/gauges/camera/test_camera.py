@@ -63,6 +63,7 @@ def measured(cell, pool, folder, count=90, seed=0, **how):
     return load_run(path)
 
 
+@pytest.mark.slow
 def test_candidates_show_the_whole_board(cell, pool):
     scene = Scene(cell.gauge.on_flange)
     standing = cell.fixtures[0]
@@ -76,12 +77,14 @@ def test_candidates_show_the_whole_board(cell, pool):
         assert np.rad2deg(np.arccos(-T[:3, 2] @ T[:3, 3] / distance)) <= 50.001
 
 
+@pytest.mark.slow
 def test_most_states_that_are_drawn_look_at_each_other(pool):
     """Of uniform states one in 2000 does."""
     assert pool.funnel.collision > 0.1 * pool.funnel.sampled
     assert pool.funnel.cones > 0.9 * pool.funnel.workspace
 
 
+@pytest.mark.slow
 def test_its_jacobian_is_the_derivative_of_its_reading(cell, pool):
     model, at, step = Model.from_cell(cell), pool.samples.take(slice(40)), 1e-6
     rows = model.rows(at)
@@ -92,6 +95,7 @@ def test_its_jacobian_is_the_derivative_of_its_reading(cell, pool):
         np.testing.assert_allclose(rows[:, :, k], slope, atol=1e-7, err_msg=model.names[k])
 
 
+@pytest.mark.slow
 def test_six_numbers_know_what_all_pixels_know(cell, pool):
     """Information about the parameters from the pixels themselves, by differences, and from the six numbers."""
     model, at, step = Model.from_cell(cell), pool.samples.take(slice(8)), 1e-6
@@ -109,6 +113,7 @@ def test_six_numbers_know_what_all_pixels_know(cell, pool):
     )
 
 
+@pytest.mark.slow
 def test_a_run_that_opencv_made_is_identified(cell, pool, tmp_path):
     run = drop_unreadable(cell, measured(cell, pool, tmp_path, 120))
     assert len(run) == 120
@@ -124,6 +129,7 @@ def test_a_run_that_opencv_made_is_identified(cell, pool, tmp_path):
     assert 0.15 * np.sqrt(2) * 0.9 < after < 0.15 * np.sqrt(2) * 1.15
 
 
+@pytest.mark.slow
 def test_a_board_that_is_two_per_cent_smaller_than_said_is_told(tmp_path):
     """Printers scale to the page; the robot would be fitted as larger, and every image would agree."""
     cell = read(tmp_path, SHIPPED)
@@ -135,6 +141,7 @@ def test_a_board_that_is_two_per_cent_smaller_than_said_is_told(tmp_path):
     assert "longer" in said
 
 
+@pytest.mark.slow
 def test_the_zeros_of_joints_are_found_within_their_uncertainty(cell, pool, tmp_path):
     miss = []
     for seed in range(3):
@@ -150,6 +157,7 @@ def test_the_zeros_of_joints_are_found_within_their_uncertainty(cell, pool, tmp_
     assert np.sqrt(np.mean(np.square(miss))) < 2
 
 
+@pytest.mark.slow
 def test_reprojection_is_that_of_the_corners_themselves(cell, pool, tmp_path):
     """What the six numbers and the rest of the pixels give together is the error of the pixels, to first order."""
     run = measured(cell, pool, tmp_path, 80)
@@ -161,6 +169,7 @@ def test_reprojection_is_that_of_the_corners_themselves(cell, pool, tmp_path):
     np.testing.assert_allclose(gauge.own_errors(fit.setup, run.samples, left, stage.residual), direct, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_plan_forecasts_what_the_fit_of_its_run_finds(cell, pool, tmp_path):
     """The covariance from the model at the planned poses is the fit's, noise as declared."""
     run = measured(cell, pool, tmp_path, 120)
@@ -175,6 +184,7 @@ def test_the_plan_forecasts_what_the_fit_of_its_run_finds(cell, pool, tmp_path):
     assert np.median(std[robot] / planned[robot]) == pytest.approx(1.0, abs=0.35)
 
 
+@pytest.mark.slow
 def test_a_run_is_written_and_read_as_it_was(cell, pool, tmp_path):
     run = measured(cell, pool, tmp_path, 12)
     for ending in (".csv", ".parquet"):
@@ -187,6 +197,7 @@ def test_a_run_is_written_and_read_as_it_was(cell, pool, tmp_path):
     assert len(both) == 24
 
 
+@pytest.mark.slow
 def test_a_corner_at_another_place_is_cut_out_and_said(cell, pool, tmp_path):
     run = measured(cell, pool, tmp_path, 40)
     pixels = np.array(run.readings.pixels)
@@ -199,6 +210,7 @@ def test_a_corner_at_another_place_is_cut_out_and_said(cell, pool, tmp_path):
     assert any("2 corners lie where their own image cannot have them" in w for w in sifted.warnings)
 
 
+@pytest.mark.slow
 def test_an_image_at_another_pose_is_an_outlier(cell, pool, tmp_path):
     run = measured(cell, pool, tmp_path, 90)
     q = np.array(run.samples.q)
@@ -207,6 +219,7 @@ def test_an_image_at_another_pose_is_an_outlier(cell, pool, tmp_path):
     assert 17 in found.outliers
 
 
+@pytest.mark.slow
 def test_images_of_few_corners_are_cut_out(cell, pool, tmp_path):
     run = measured(cell, pool, tmp_path, 20)
     pixels = np.array(run.readings.pixels)
@@ -227,6 +240,7 @@ def changed(text, **columns):
     return "\n".join([*lines[:2], *(",".join(str(row[h]) for h in head) for row in rows)]) + "\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("columns", "said"),
     [
@@ -246,6 +260,7 @@ def test_another_board_or_size_is_refused(columns, said, pool, cell, tmp_path):
         drop_unreadable(cell, load_run(path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -266,6 +281,7 @@ def test_half_a_corner_is_refused(text, said, tmp_path):
         load_run(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -298,6 +314,7 @@ def flange_pool(flange):
     return draw_candidates(flange, 150, seed=1)
 
 
+@pytest.mark.slow
 def test_a_larger_board_shows_as_its_own_effect_says(flange, flange_pool):
     """The board's scale by differences of the model with another board, and that the released error knows of it."""
     model, at, step = Model.from_cell(flange), flange_pool.samples.take(slice(30)), 1e-6
@@ -347,6 +364,7 @@ def test_a_later_check_is_planned_where_the_board_stands(flange, flange_pool, tm
 FREE = SHIPPED.replace("height_px = 1200", "height_px = 1200\nfree = true")
 
 
+@pytest.mark.slow
 def test_a_lens_is_found_with_the_arm(flange, flange_pool, tmp_path):
     """The true lens is 2 % longer, off centre and bent otherwise than the cell says where to begin."""
     free = read(tmp_path, FREE)
@@ -367,6 +385,7 @@ def test_a_lens_is_found_with_the_arm(flange, flange_pool, tmp_path):
     np.testing.assert_allclose(numbers[4:6], [-0.13, 0.08], atol=0.02)
 
 
+@pytest.mark.slow
 def test_the_lens_has_its_columns(flange_pool, tmp_path):
     model, at, step = Model.from_cell(read(tmp_path, FREE)), flange_pool.samples.take(slice(20)), 1e-6
     rows = model.rows(at)
@@ -379,6 +398,7 @@ def test_the_lens_has_its_columns(flange_pool, tmp_path):
         np.testing.assert_allclose(rows[:, :, k], slope, atol=1e-7, err_msg=model.names[k])
 
 
+@pytest.mark.slow
 def test_columns_of_the_lens_are_those_of_the_pixels(flange_pool, tmp_path):
     """The information about lens and arm together is that of all pixels, the lens moved by OpenCV's own projection."""
     free = read(tmp_path, FREE)
@@ -396,6 +416,7 @@ def test_columns_of_the_lens_are_those_of_the_pixels(flange_pool, tmp_path):
     np.testing.assert_allclose((by_numbers**2).sum(axis=1), (focal**2).sum(axis=1), rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_one_marker_cannot_show_a_lens(tmp_path):
     marker = FREE.replace('kind = "charuco"\ncolumns = 7\nrows = 5\nsquare_mm = 30', 'kind = "marker"')
     with pytest.raises(InputError, match="14 corners or more, and the marker of 22 mm has 4"):

@@ -65,6 +65,7 @@ def seeker(**keys):
     return CornerSeeker.of(BoardFile(**usual | keys).board)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_corners_are_found_where_they_are(lines, pattern, seed):
     T = stands(seed)
@@ -75,6 +76,7 @@ def test_corners_are_found_where_they_are(lines, pattern, seed):
     assert np.abs(np.nanmean(off, axis=0)).max() < 0.12  # half a pixel would be another way of counting
 
 
+@pytest.mark.slow
 def test_tags_and_a_single_marker_are_found(lines):
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     theirs = cv2.aruco.GridBoard((4, 3), 0.03, 0.01, dictionary)
@@ -94,6 +96,7 @@ def test_tags_and_a_single_marker_are_found(lines):
     np.testing.assert_allclose(one, seen[20:24], atol=0.01)
 
 
+@pytest.mark.slow
 def test_blur_is_measured_in_pixels(lines, pattern):
     T = stands(2)
     widths = [edge_width(picture(T, lines, pattern, blur=b), true_corners(T)) for b in (0.7, 1.2, 2.0, 3.0)]
@@ -139,6 +142,7 @@ def imported(folder):
     return " ".join(done.screen.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "said"),
     [
@@ -157,6 +161,7 @@ def test_an_image_that_cannot_be_used_has_one_sentence(imported, name, said):
     assert said in imported.split(f"{name}: ")[1].split("left out")[0] + "left out"
 
 
+@pytest.mark.slow
 def test_the_others_are_the_run(imported, folder):
     run = load_run(folder / "run.csv")
     assert run.samples.pose.tolist() == [1, 2, 3]
@@ -166,6 +171,7 @@ def test_the_others_are_the_run(imported, folder):
     assert np.sqrt(np.nanmean((off**2).sum(axis=2))) < 0.25
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -182,6 +188,7 @@ def test_what_does_not_go_together_is_refused(folder, change, said):
     assert said in " ".join(done.screen.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -200,6 +207,7 @@ def test_a_board_that_cannot_be_is_refused(folder, tmp_path, old, new, said):
     assert re.search(said, " ".join(done.screen.split()))
 
 
+@pytest.mark.slow
 def test_without_opencv_the_remedy_is_named(tmp_path):
     (tmp_path / "cv2.py").write_text("raise ImportError('none here')")
     code = (
@@ -246,6 +254,7 @@ def old_board():
     return board
 
 
+@pytest.mark.slow
 def test_a_board_that_an_older_opencv_drew_is_found_and_its_key_is_named(lines):
     T = stands(3, 0.4, 0.45)
     image = picture(T, lines, printed(old_board()), seed=3)
@@ -263,6 +272,7 @@ def test_a_board_that_an_older_opencv_drew_is_found_and_its_key_is_named(lines):
     assert not isinstance(seeker(rows=6).corners(other), str)
 
 
+@pytest.mark.slow
 def test_legacy_is_a_charuco_boards():
     with pytest.raises(ValueError, match="legacy is for a charuco board"):
         BoardFile(kind="marker", marker_mm=50, legacy=True)

@@ -126,6 +126,7 @@ def test_a_far_corner_moves_no_board():
     np.testing.assert_allclose(found.p_CB, clean.p_CB, atol=1.5e-3)
 
 
+@pytest.mark.slow
 def test_a_lens_is_found_from_the_board_alone():
     board, lens = (
         BoardFile(kind="charuco", columns=7, rows=5, square_mm=30, marker_mm=22).board,

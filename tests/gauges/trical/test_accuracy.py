@@ -101,6 +101,7 @@ def test_precision_by_hand():
         repeat_precision(x, np.arange(4))
 
 
+@pytest.mark.slow
 def test_precision_of_a_run_is_what_was_put_in(cell, pool, tmp_path):
     """Noisy centrings of 40 poses: the spread comes back per axis; offsets of the last reading are taken off."""
     rng = np.random.default_rng(3)

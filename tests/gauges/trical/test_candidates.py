@@ -42,6 +42,7 @@ def _rotation(tool_pose, q, k):
     return np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
 
 
+@pytest.mark.slow
 def test_the_second_engine_finds_them_free(cell, pool):
     scene = CollisionWorld.from_cell(cell).scene
     away = FclWorld(scene)
@@ -93,6 +94,7 @@ def test_a_ball_out_of_reach_is_named_with_the_distance(cell, impatient):
     assert nearest - 30 < told < nearest + 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("convention", "more"), [("mdh", "tool$"), ("urdf", "tool; a gripper that is taken off must be")]
 )

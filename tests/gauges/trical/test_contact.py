@@ -48,6 +48,7 @@ def test_no_pose_of_the_robot_alone_exceeds_what_the_cell_says(cell, pool):
     assert FirstContact(cell).at(pool.q).max() < cell.gauge.head.usable
 
 
+@pytest.mark.slow
 def test_a_smaller_head_loses_poses_and_a_hopeless_robot_all(cell, pool, impatient):
     middle = float(np.median(FirstContact(cell).at(pool.q[pool.ball == 3])))
     worse = replace(cell, gauge=replace(cell.gauge, head=replace(cell.gauge.head, usable=middle)))

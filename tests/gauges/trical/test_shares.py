@@ -39,6 +39,7 @@ def test_groups_that_differ_much_still_share():
     assert np.bincount(group[detmax(rows, 10, group=group)]).tolist() == [5, 5]
 
 
+@pytest.mark.slow
 def test_the_plans_poses_are_shared_and_near_the_bound(cell, pool):
     choice, curve = select_poses(cell, pool, 24, "O1", 0)
     curve.result()

@@ -26,6 +26,7 @@ def planned(cell):
     return plan_cell(cell, PlanOptions(), Stages(lambda *_: None))
 
 
+@pytest.mark.slow
 def test_five_hundred_validate_by_default_and_ten_where_others_calibrate(tmp_path, monkeypatch):
     shipped = load_cell("kuka-kr6-r700/tracker")
     assert shipped.plan.validate == shipped.gauge.validates_with == 500
@@ -39,6 +40,7 @@ def test_five_hundred_validate_by_default_and_ten_where_others_calibrate(tmp_pat
     assert (roles.count("validate"), roles.count("calibrate")) == (30, 0)
 
 
+@pytest.mark.slow
 def test_poses_only_validate_and_are_visited_once(planned):
     visits = planned.drives[0].visits
     assert [v.role for v in visits].count("validate") == 25
@@ -49,6 +51,7 @@ def test_poses_only_validate_and_are_visited_once(planned):
     assert content["tour"]["cost_s"] < 0.7 * content["tour"]["unsorted_s"]
 
 
+@pytest.mark.slow
 def test_the_reflector_faces_the_tracker_and_nothing_stands_between(planned):
     """The beam sampled every millimetre against the robot's and the tool's capsules and spheres."""
     cell = planned.cell
@@ -73,6 +76,7 @@ def test_the_reflector_faces_the_tracker_and_nothing_stands_between(planned):
         assert np.linalg.norm(local, axis=2).min() > body.size[0], body.name
 
 
+@pytest.mark.slow
 def test_poses_asked_for_are_chosen_and_calibrate(cell):
     one = plan_cell(cell, PlanOptions(poses=20), Stages(lambda *_: None))
     roles = [v.role for v in one.drives[0].visits]
@@ -81,6 +85,7 @@ def test_poses_asked_for_are_chosen_and_calibrate(cell):
     assert len(one.choice.seen.names) == 31
 
 
+@pytest.mark.slow
 def test_more_than_there_are_is_refused(cell):
     with pytest.raises(NoSolutionError, match=r"candidate poses are left for 5000 to validate with"):
         plan_cell(replace(cell, plan=replace(cell.plan, validate=5000)), PlanOptions(), Stages(lambda *_: None))

@@ -72,6 +72,7 @@ def test_hand_written_robots_and_those_of_earlier_versions_have_nothing_to_say(t
     assert HASHES in tomllib.loads((tmp_path / "robot.toml").read_text()) or before.hand_edits == ()
 
 
+@pytest.mark.slow
 def test_every_number_of_a_calibrated_robot_counts(tmp_path):
     path = written("kuka-kr6-r700", tmp_path)
     whole = path.read_text()

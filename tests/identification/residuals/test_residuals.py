@@ -65,6 +65,7 @@ def test_false_alarms_are_as_rare_as_stated(c: Calibration, tail: str) -> None:
         assert 0.007 < small < 0.013
 
 
+@pytest.mark.slow
 def test_what_repeats_share_counts_once(c: Calibration) -> None:
     """Each pose four times with one error: told apart from chance only if the four were taken for four."""
     problem = c.fit.problem.take(np.tile(np.arange(100), 4))
@@ -79,6 +80,7 @@ def test_what_repeats_share_counts_once(c: Calibration) -> None:
     assert naive.dof > 3 * rest.dof
 
 
+@pytest.mark.slow
 def test_slow_noise_is_called_by_its_name(c: Calibration) -> None:
     """Noise that remembers the pose before: along the order of measuring, and hardly ever along anything else."""
     rest, tests = looked_at(c.fit.problem, c)
@@ -103,6 +105,7 @@ def planted(c: Calibration, error: np.ndarray) -> set[str]:
     return {t.along for t in run_battery(rest, tests, c.run.continuous, 1e-5).found}
 
 
+@pytest.mark.slow
 def test_more_than_the_declared_noise_is_never_called_chance(c: Calibration) -> None:
     """The same residual, held against a gauge and a robot that are said to be a quarter as noisy."""
     rms, noise = c.stages[-1].train.rms, c.fit.problem.whitener
@@ -115,6 +118,7 @@ def test_more_than_the_declared_noise_is_never_called_chance(c: Calibration) -> 
     assert "random" not in said
 
 
+@pytest.mark.slow
 def test_what_is_planted_is_found_where_it_is(c: Calibration) -> None:
     s, length = c.run.samples, c.run.readings.length
     assert s.t is not None
@@ -133,6 +137,7 @@ def test_what_is_planted_is_found_where_it_is(c: Calibration) -> None:
     assert "load on joint 5" in planted(c, 2e-5 * np.sign(load))
 
 
+@pytest.mark.slow
 def test_too_small_a_run_says_so() -> None:
     left = calibrated("edbb_static", 34, released=False).diagnosis
     assert not left.trials

@@ -116,6 +116,7 @@ def test_capsule_distances_are_those_of_numeric_minimisation(name: str) -> None:
     assert compared > 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CELLS)
 def test_engines_agree_on_random_states(name: str) -> None:
     w, q = world(name), states(name, 500)
@@ -126,6 +127,7 @@ def test_engines_agree_on_random_states(name: str) -> None:
     assert np.abs(coal - fcl)[round_].max() < 5e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CELLS)
 def test_safe_distances_of_fcl_never_exceed_those_of_coal(name: str) -> None:
     """Plain fcl distances do, for boxes: this is why the second judge grows a body before it believes them."""

@@ -52,6 +52,7 @@ def cell_with(tmp_path, obstacle):
     return load_cell(str(path))
 
 
+@pytest.mark.slow
 def test_a_mesh_keeps_the_distances_of_its_box(tmp_path):
     stl(tmp_path / "box.stl")
     robot = load_cell("comau-nj130/edbb").robot
@@ -81,6 +82,7 @@ def test_a_mesh_that_is_missing_is_named(tmp_path):
         cell_with(tmp_path, "kind = 'mesh'\nfile = 'gone.stl'\n")
 
 
+@pytest.mark.slow
 def test_a_polytope_holds_its_mesh_and_stands_little_beyond_its_hull(tmp_path):
     stl(tmp_path / "box.stl")
     points = np.random.default_rng(0).normal(size=(4000, 3)) * [0.1, 0.1, 0.3]

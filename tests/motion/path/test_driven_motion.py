@@ -77,6 +77,7 @@ def _triangles(corners):
     return np.concatenate([corners[:, [0, k, min(k + 1, K - 1)]] for k in range(1, max(K - 1, 2))])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [PathForm(), load_dialect("linuxcnc").path_form])
 def test_the_blended_path_lies_in_the_regions_that_are_proven(moving, form):
     cell, course = moving
@@ -182,6 +183,7 @@ def test_a_narrow_corner_of_steps_takes_few_cells(height):
     assert _off(inside, np.concatenate(closed)).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_joints_on_a_circle_stay_within_its_polygon():
     cell = load_cell("comau-nj130/edbb")
     start = np.array([0.1, 0.2, -1.2, 0.3, 0.9, 0.2]) + cell.home * 0.0

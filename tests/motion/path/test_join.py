@@ -51,6 +51,7 @@ def digest(path: ProvenPath) -> str:
     return hashlib.sha256(path.q.tobytes() + path.node.tobytes()).hexdigest()
 
 
+@pytest.mark.slow
 def test_path_visits_the_poses_in_order_over_its_legs(path: ProvenPath, tour: tuple[Array, list[int], Array]) -> None:
     q, order, _ = tour
     assert path.node[path.node >= 0].tolist() == order
@@ -62,6 +63,7 @@ def test_path_visits_the_poses_in_order_over_its_legs(path: ProvenPath, tour: tu
     assert not path.q.flags.writeable
 
 
+@pytest.mark.slow
 def test_path_holds_when_sampled_densely(path: ProvenPath) -> None:
     cell, world = cell_and_world()
     sampled = dense(path.q[:-1], path.q[1:], 150)
@@ -76,11 +78,13 @@ def test_path_holds_when_sampled_densely(path: ProvenPath) -> None:
     assert path.clear
 
 
+@pytest.mark.slow
 def test_direct_legs_are_those_whose_straight_motion_is_proven(path: ProvenPath) -> None:
     q = path.q[path.node >= 0]
     np.testing.assert_array_equal(constraints().prove(q[:-1], q[1:]).proven, [leg.direct for leg in path.legs])
 
 
+@pytest.mark.slow
 def test_detours_are_short_and_have_few_supports(path: ProvenPath) -> None:
     cell, _ = cell_and_world()
     seconds = (np.abs(np.diff(path.q, axis=0)) / cell.robot.speed).max(axis=1).sum()
@@ -89,6 +93,7 @@ def test_detours_are_short_and_have_few_supports(path: ProvenPath) -> None:
     assert np.mean([len(leg.supports) for leg in path.legs if not leg.direct]) < 4.0
 
 
+@pytest.mark.slow
 def test_detours_are_quick_by_the_limits_that_hold_while_the_bar_is_attached(
     path: ProvenPath, tour: tuple[Array, list[int], Array]
 ) -> None:
@@ -113,6 +118,7 @@ def test_detours_are_quick_by_the_limits_that_hold_while_the_bar_is_attached(
     assert seconds(path) < 0.95 * seconds(other)
 
 
+@pytest.mark.slow
 def test_same_seed_same_path(path: ProvenPath, tour: tuple[Array, list[int], Array]) -> None:
     q, order, pool = tour
     again = connect_poses(constraints(), q, order, seed=4, pool=pool)
@@ -120,6 +126,7 @@ def test_same_seed_same_path(path: ProvenPath, tour: tuple[Array, list[int], Arr
     assert digest(again) == digest(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_poses_of_another_part_are_reported(labelled: tuple[Array, np.ndarray], first: bool) -> None:
     q, part = labelled
@@ -134,6 +141,7 @@ def test_poses_of_another_part_are_reported(labelled: tuple[Array, np.ndarray], 
         assert len(found.reasons) == 2
 
 
+@pytest.mark.slow
 def test_pose_that_breaks_a_constraint_cannot_be_reached(tour: tuple[Array, list[int], Array]) -> None:
     q, _, pool = tour
     broken = q[:4].copy()
@@ -143,6 +151,7 @@ def test_pose_that_breaks_a_constraint_cannot_be_reached(tour: tuple[Array, list
     assert found.unreachable == (2,)
 
 
+@pytest.mark.slow
 def test_leg_through_the_fixture_stand_goes_round_it() -> None:
     cell, world = cell_and_world()
     free, q = Constraints(cell, bar=False, scene=world.scene), valid_poses(700)
@@ -159,6 +168,7 @@ def test_leg_through_the_fixture_stand_goes_round_it() -> None:
     assert distance.min() > cell.motion.clearance
 
 
+@pytest.mark.slow
 def test_both_judges_refuse_a_path_that_collides(path: ProvenPath) -> None:
     free = constraints()
     straight = path.q[path.node >= 0]
@@ -169,6 +179,7 @@ def test_both_judges_refuse_a_path_that_collides(path: ProvenPath) -> None:
     assert first.failures[0].startswith("motion ")
 
 
+@pytest.mark.slow
 def test_blends_are_judged_with_the_path(path: ProvenPath) -> None:
     free = constraints()
     corner = path.q[1:2]
@@ -177,6 +188,7 @@ def test_blends_are_judged_with_the_path(path: ProvenPath) -> None:
     assert [f[:7] for f in verdict.failures] == ["blend 1"]
 
 
+@pytest.mark.slow
 def test_travel_without_the_bar(labelled: tuple[Array, np.ndarray]) -> None:
     cell, world = cell_and_world()
     q, _ = labelled
@@ -189,6 +201,7 @@ def test_travel_without_the_bar(labelled: tuple[Array, np.ndarray]) -> None:
     assert not CollisionWorld(world.scene.without_bar()).collides(sampled).any()
 
 
+@pytest.mark.slow
 def test_repeated_and_duplicate_poses(tour: tuple[Array, list[int], Array]) -> None:
     q, _, pool = tour
     nodes = np.vstack([q[:3], q[1:2]])
@@ -197,6 +210,7 @@ def test_repeated_and_duplicate_poses(tour: tuple[Array, list[int], Array]) -> N
     assert found.node[found.node >= 0].tolist() == [0, 1, 3, 1, 2, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kuka-kr6-r700/edbb", pytest.param("ur10/edbb", marks=pytest.mark.long)])
 def test_both_judges_release_the_path_of_other_robots(name: str) -> None:
     cell, world = cell_and_world(name)
@@ -228,6 +242,7 @@ def judged_strictly(state: Array, reach: float, monkeypatch: pytest.MonkeyPatch)
     return free
 
 
+@pytest.mark.slow
 def test_a_leg_that_the_second_judge_does_not_prove_is_led_round(
     path: ProvenPath, tour: tuple[Array, list[int], Array], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -243,6 +258,7 @@ def test_a_leg_that_the_second_judge_does_not_prove_is_led_round(
     assert all(v.clear for v in judge_path(constraints(), found.q))
 
 
+@pytest.mark.slow
 def test_legs_that_no_detour_makes_right_for_the_second_judge_are_named(
     path: ProvenPath, tour: tuple[Array, list[int], Array], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -27,6 +27,7 @@ def keys(motions):
     return [frozenset((a.tobytes(), b.tobytes())) for a, b in motions]
 
 
+@pytest.mark.slow
 def test_a_map_grows_by_poses_and_proves_no_motion_twice(asked):
     constraints, motions = asked
     q = valid_poses(700)[:160]
@@ -41,6 +42,7 @@ def test_a_map_grows_by_poses_and_proves_no_motion_twice(asked):
     assert joined[80:].any()
 
 
+@pytest.mark.slow
 def test_what_it_joins_is_joined_by_free_motions(asked):
     constraints, _ = asked
     q = valid_poses(700)[:120]
@@ -57,6 +59,7 @@ def test_what_it_joins_is_joined_by_free_motions(asked):
     assert all(len(e) == np.count_nonzero(part == k) or np.count_nonzero(part == k) == 1 for k, e in enumerate(ends))
 
 
+@pytest.mark.slow
 def test_another_start_proves_its_own_motions_alone(asked):
     constraints, motions = asked
     q = valid_poses(700)[:81]
@@ -71,6 +74,7 @@ def test_another_start_proves_its_own_motions_alone(asked):
     assert other.joins_start(q[80:])[0]
 
 
+@pytest.mark.slow
 def test_ways_lead_over_a_map_and_what_it_has_proven_is_not_proven_again(asked):
     constraints, motions = asked
     q = valid_poses(700)[:200]

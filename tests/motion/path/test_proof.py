@@ -34,6 +34,7 @@ def motions(count: int) -> tuple[Array, Array]:
     return a, np.where(np.arange(count)[:, None] % 2 == 0, near, far)
 
 
+@pytest.mark.slow
 def test_proven_motions_hold_when_sampled_densely() -> None:
     cell, world = cell_and_world()
     constraints = Constraints(cell, scene=world.scene)
@@ -44,6 +45,7 @@ def test_proven_motions_hold_when_sampled_densely() -> None:
     assert holds(cell, world, sampled, cell.motion.clearance).all()
 
 
+@pytest.mark.slow
 def test_extremes_are_those_of_dense_sampling() -> None:
     cell, world = cell_and_world()
     constraints = Constraints(cell, scene=world.scene)
@@ -102,6 +104,7 @@ def grazed_pin(cell: Cell, q: Array, dq: Array) -> Cell:
     return replace(cell, obstacles=(*cell.obstacles, pin), motion=replace(cell.motion, clearance=1e-4))
 
 
+@pytest.mark.slow
 def test_obstacles_between_any_samples_are_found() -> None:
     cell, world = cell_and_world()
     a, b = motions(300)
@@ -139,6 +142,7 @@ def test_motion_along_the_very_edge_is_refused_in_bounded_time() -> None:
     assert "limit of joint 4" in str(free.failure(proof, 0))
 
 
+@pytest.mark.slow
 def test_proven_triangles_hold_inside() -> None:
     cell, world = cell_and_world()
     constraints = Constraints(cell, scene=world.scene)

@@ -178,6 +178,7 @@ def test_joining_is_silent_and_the_same_on_any_number_of_threads(tmp_path: os.Pa
     assert answers[0] == answers[1]
 
 
+@pytest.mark.slow
 def test_an_error_inside_a_callback_leaves_ompl_silent() -> None:
     code = (
         "import numpy as np\n"
@@ -192,6 +193,7 @@ def test_an_error_inside_a_callback_leaves_ompl_silent() -> None:
     assert (run.returncode, run.stdout, run.stderr) == (0, "caught\n", "")
 
 
+@pytest.mark.slow
 def test_what_rrt_connect_finds_for_the_robot_is_proven() -> None:
     cell, world = cell_and_world()
     constraints = Constraints(cell, scene=world.scene)

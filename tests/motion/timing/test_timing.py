@@ -94,6 +94,7 @@ def test_a_change_of_speed_that_fills_its_stretch_is_timed():
     assert phases.at(np.array([phases.duration * (1.0 - 1e-9)]))[1][0] == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_thousands_of_moves_at_the_edge_of_their_limits_are_timed_within_them(seed):
     rng = np.random.default_rng(seed)

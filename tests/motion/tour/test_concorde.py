@@ -53,6 +53,7 @@ def test_a_tour_that_only_seems_the_shortest_is_not_believed(install, method, cl
     assert said == pytest.approx([driven(cost, poor), exact.cost_s], abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("worse", [True, False])
 def test_a_claim_is_no_proof_where_the_own_proof_ends_early(install, monkeypatch, worse):
     """A weak first search and no search tree: a better tour is taken, its claim is not."""

@@ -73,6 +73,7 @@ def test_likeness_tells_rivals_from_strangers():
     assert m.likeness(once, once.of_size(-2 * once.size)) == pytest.approx(-1.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_an_arm_as_in_life_has_its_seven_effects():
     m = as_in_a_real_arm(edbb_static, arm("comau-nj130"), 1, 2.0, n_poses=150)
     kinds = [e.kind for e in m.truth.effects]

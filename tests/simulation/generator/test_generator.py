@@ -83,6 +83,7 @@ def test_recorded_angles_bring_the_bent_arm_into_the_ball():
     assert oracle.rms(change(m.scene, m.station, m.truth, m.truth.effects[0])) > 1e-5
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes():
     for build in (edbb_static, balls):
         a, b, c = (random_run(build, arm("kuka-kr6-r700"), s, ("encoder-twice",), 3.0, n_poses=40) for s in (8, 8, 9))
