@@ -98,10 +98,12 @@ def _panel(panel: Panel, named: set[str]) -> str:
     picture = _picture(panel, x, y)
     texts = "".join(_bar_texts(s, x, y) for s in panel.series) + "".join(_note(line, x, y) for line in panel.limits)
     wide = max((len(n) for n in panel.y_names), default=0)
-    style = f' style="--names:{min(wide, 34) + 2}ch"' if wide else ""
     up = 0.2 if any(s.texts for s in panel.series) else 0.0  # of a row: the middle of a bar that has its text below
     names = [(y.percent(k - up), name) for k, name in enumerate(panel.y_names)]
     down = [(p, escape(t)) for p, t in names] or y.ticks(max(3, panel.height // 55))  # [px] a tick
+    seen = [len(re.sub("<.*?>", "", t)) for _, t in down]
+    letters_down = min(wide, 34) + 2 if wide else 4 + max(seen, default=0)  # 4: the label, and gaps
+    style = f' style="--names:{letters_down}ch"'
     across = (
         [(x.percent(float(k)), escape(n)) for k, n in enumerate(panel.cells.x_names)] if panel.cells else x.ticks(5)
     )
