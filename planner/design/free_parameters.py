@@ -8,7 +8,12 @@ import numpy as np
 from planner.cell.cell import Cell, MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import UM, Array, to_mm
-from planner.design.assumptions import HIGHEST_GEAR_WAVE, POSES_OF_AN_OPEN_PLAN, UNMEASURED_TOOL_PRIOR
+from planner.design.assumptions import (
+    HIGHEST_GEAR_WAVE,
+    POSES_OF_AN_OPEN_PLAN,
+    TYPICAL_OF_USUAL,
+    UNMEASURED_TOOL_PRIOR,
+)
 from planner.design.expected_errors import EVERYWHERE
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, explain_direction
 from planner.design.observability.information import predict_covariance
@@ -243,11 +248,11 @@ def _expected_gears(cell: Cell, setup: MeasurementSetup) -> list[Effect]:
 
 def _expected_usual(cell: Cell, setup: MeasurementSetup, samples: Samples) -> list[Effect]:
     """Return lost motion, loads that no pose shows and turns of the base, one effect a family."""
-    typical, out = 0.25, []  # of sizes of which most robots have little and few much: so sums of several mostly are
+    out = []
     for name, own in usual_errors(Excitation.of(setup, samples), planned=True):
         kind, _, joint = name.partition(", joint ")
         place = joint_place(int(joint) - 1) if joint else Place("base")
-        size = typical * cell.robot.priors.factor(name)
+        size = TYPICAL_OF_USUAL * cell.robot.priors.factor(name)
         parameters = tuple(replace(p, prior=p.prior * size, group=name) for p in own)
         out.append(Effect(kind, place, parameters, "", np.inf, "sizes that plans expect of every robot"))
     return out

@@ -26,6 +26,19 @@ BASE_BY_PLACE = "base by the place of the "  # first words of their names
 LOST_MOTION_OF, BEYOND_LOADS = "lost motion, joint ", "loads not measured, joint "
 
 
+def is_usual(family: str) -> bool:
+    """Tell whether a family, by its name, is one of :func:`usual_errors`."""
+    return family.startswith((BASE_BY_PLACE, LOST_MOTION_OF, BEYOND_LOADS))
+
+
+def usual_factors() -> tuple[Array, Array]:
+    """Return factors (k,) on the size of such a family and their probabilities: most robots have little, few much."""
+    factors = 2.0 ** np.arange(-7, 4, dtype=float)
+    # normal in the log, of mean −2.5 and sigma 1.75: half have less than a twelfth, one in thirteen more than the whole
+    weight = np.exp(-0.5 * ((np.log(factors) + 2.5) / 1.75) ** 2)
+    return factors, weight / weight.sum()
+
+
 class PlacePower(BasisFunction, key="place-(tool|flange):NUMBER:INDEX:INDEX"):
     """φ = (x/reach)^i (y/reach)^j of the place of the tool's point, or of the flange, in the base frame."""
 
