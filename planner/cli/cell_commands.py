@@ -40,8 +40,7 @@ Until = Annotated[
         metavar="MM",
         min=0.001,
         max=10.0,
-        help="after each pose say the expected error; pass what adds nothing, and all once 95 of 100 such robots are "
-        "below this",
+        help="after each pose say the expected error; pass what adds nothing, and all once it is below this, 95 % sure",
     ),
 ]
 Output = Annotated[

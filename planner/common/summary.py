@@ -23,6 +23,12 @@ class Aside(str):
     __slots__ = ()
 
 
+class Doubt(str):
+    """A note that makes a verdict doubtful: a page shows it beside that, not folded away."""
+
+    __slots__ = ()
+
+
 def count_alike(notes: Iterable[str]) -> list[str]:
     """Return notes in their order, those that differ in numbers alone as the first of them with a count.
 

@@ -213,8 +213,8 @@ class UndeclaredErrors:
         """Say what the session would leave [m], written and as a limit [mm]; the last sentence has no stop."""
         few = " These are too few poses for more than the geometry." if left > self.untraced_error else ""
         return (
-            f"the tool keeps an error of {left_mm} mm, rms over the workspace. 95 of 100 such robots stay below "
-            f"{at_most_mm} mm.{few} A fit of the geometry alone leaves {float(to_mm(self.untraced_error)):.3f} mm"
+            f"the tool keeps an error of {left_mm} mm, rms over the workspace. It is below {at_most_mm} mm, "
+            f"95 % sure.{few} A fit of the geometry alone leaves {float(to_mm(self.untraced_error)):.3f} mm"
         )
 
     @property

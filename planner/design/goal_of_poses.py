@@ -58,7 +58,7 @@ def _count_until(unknown: ExpectedErrors, white: Array, order: np.ndarray, until
     if (best := limit(len(order))) > until:
         every = factor * error_limit(unknown, white)
         raise GoalOutOfReachError(
-            f"an error of {to_mm(until):.3g} mm {unknown.where} (95 of 100 such robots below it) cannot be reached "
+            f"an error of {to_mm(until):.3g} mm {unknown.where} (95 % sure) cannot be reached "
             f"with this gauge at these places: {to_mm(best):.3g} mm at best, by {len(order)} poses (all {len(white)} "
             f"candidates: {to_mm(every):.3g} mm); ask for more than that, or measure from another place as well",
             unknown, white, until, len(order), best, factor,

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -53,6 +53,13 @@ class ResidualDiagnosis:
         return bool(self.found)
 
 
+class PlannedTargets(NamedTuple):
+    """What the plan of a run expected: 95 of 100 targets ``within`` so much, 95 % sure [m], after so many ``poses``."""
+
+    within: float
+    poses: int
+
+
 class Calibration(Identification):
     """A robot identified from a run, with the run and the fit themselves, which the file does not hold.
 
@@ -65,8 +72,10 @@ class Calibration(Identification):
         released: the robot that is written; the last stage's where it is ``None``.
         other_zeros: the joint zeros in the axes of the cell's other controllers, where these count otherwise.
         planned_errors: what the plan of each session has foreseen after each pose [m], empty where that is not known.
+        planned_targets: what the one plan expected of the robot's targets; ``None`` where that is not known.
         good_for: what the released robot is good for, whether or not a tolerance was asked for.
         asides: those of the warnings that ask nothing of anybody.
+        doubts: those that make the verdict doubtful.
         row_weight: by how much each sample of the run counts, (n,).
     """
 
@@ -78,8 +87,10 @@ class Calibration(Identification):
     released: Annotated[ReleasedRobot | None, OnlyInMemory] = Field(default=None, exclude=True)
     other_zeros: Annotated[tuple[JointZero, ...], OnlyInMemory] = Field(default=(), exclude=True)
     planned_errors: Annotated[tuple[tuple[float, ...], ...], OnlyInMemory] = Field(default=(), exclude=True)
+    planned_targets: Annotated[PlannedTargets | None, OnlyInMemory] = Field(default=None, exclude=True)
     good_for: Annotated[Use | None, OnlyInMemory] = Field(default=None, exclude=True)
     asides: Annotated[frozenset[str], OnlyInMemory] = Field(default=frozenset(), exclude=True)
+    doubts: Annotated[tuple[str, ...], OnlyInMemory] = Field(default=(), exclude=True)
     row_weight: Annotated[Array, OnlyInMemory] = Field(default=NO_WEIGHT, exclude=True)
 
     @property

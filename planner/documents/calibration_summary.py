@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import display_unit, format_value, to_mm
-from planner.documents.calibration import Calibration
+from planner.documents.calibration import Calibration, PlannedTargets
 from planner.fit.assumptions import ANOTHER_TOOL_SHARE
 from planner.model.calibration_summary import CalibrationSummary, CauseLine, NextStep
 from planner.model.finding import Finding, cause_text, percent
 from planner.model.identification_document import Release
 from planner.model.use_statement import ToolName, ToolUse, Use, UseAnswer
-from planner.model.use_text import TOOLS, ask_for_tolerance, bound_text, share_text, targets_text
+from planner.model.use_text import TOOLS, ask_for_tolerance, bound_text, share_text, targets_text, usual_uses_text
 from planner.release.error_parts import drift_counts, misfit_counts
 from planner.release.suitability import judge_use
 
@@ -50,6 +50,7 @@ def summarize(c: Calibration, tool: ToolName | None = None, minutes_a_pose: floa
         answer=answer,
         headline=headline,
         because=because,
+        planned=None if mine is None or used != "measured" else _planned_text(c, mine.targets_within),
         tolerance=None if use is None else use.tolerance,
         tool=used,
         targets_within=None if mine is None else mine.targets_within,
@@ -79,13 +80,37 @@ def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[UseAnswer
         return "not known", "Not known what this robot is good for", "The error over the workspace was not estimated."
     mine = _of_tool(use, tool)
     if use.tolerance is None or mine.answer is None:
-        why = ask_for_tolerance("--tolerance-mm")
+        why = f"{usual_uses_text(mine.targets_within)} {ask_for_tolerance('--tolerance-mm')}"
         return "not known", targets_text(mine.targets_within, mine.targets_within_before), why
     limit = f"{float(to_mm(use.tolerance)):g} mm"
     words = {"yes": "Good enough", "no": "Not good enough", "not known": "Not known whether it is good enough"}
     before = share_text(mine.share_before)
     share = f"{share_text(mine.share)} of targets are within {limit} with {TOOLS[tool]}, uncalibrated {before}"
     return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}."
+
+
+def _planned_text(c: Calibration, within: float) -> str | None:
+    """Say whether the targets are ``within`` what the plan expected [m], and why they are not."""
+    if (plan := c.planned_targets) is None:
+        return None
+    expected, here = bound_text(plan.within), bound_text(within)
+    if within <= plan.within or expected == here:
+        return f"As planned: {expected} or less was expected of a robot of this kind."
+    return f"Planned: {expected} for a robot of this kind. This run leaves {here}, because {_why_more(c, plan)}."
+
+
+def _why_more(c: Calibration, plan: PlannedTargets) -> str:
+    """Say why a run leaves more than its plan expected, by what is known of it: the first of these that holds."""
+    missing = plan.poses - c.n_groups if c.split.by == "pose" else 0
+    if missing > plan.poses // 20:
+        return f"{missing} of {plan.poses} planned poses are missing"
+    assert c.release is not None
+    parts, unseen = c.release.parts, c.release.not_shown
+    if parts is not None and parts.misfit > max(parts.seen, parts.unseen):
+        return "no named cause explains a part of its errors"
+    if unseen:
+        return f"no pose shows {unseen[0].what}: {unseen[0].cure} would"
+    return "it is one of the few robots of which readings leave more open"
 
 
 def cause_lines(c: Calibration, before: float | None) -> Iterator[CauseLine]:

@@ -8,7 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
-from planner.common.summary import Aside
+from planner.common.summary import Aside, Doubt
 from planner.common.system import give_back_memory
 from planner.common.units import MM, Array, mean_by_group
 from planner.design.observability.information import r_factor
@@ -127,8 +127,10 @@ def few_readings_note(fitted: int, width: int, rows: int, time: float) -> list[s
     alike = f" ({rows} rows along a drive, of which {time:.1f} are worth one)" if time > 1.05 else ""
     more = "drive through further poses: a slower drive adds next to nothing" if alike else "measure further poses"
     return [
-        f"{fitted} parameters were fitted to {readings:.0f} independent readings{alike}: little is left to judge them "
-        f"by; {more}, or free fewer in [plan]"
+        Doubt(
+            f"{fitted} parameters were fitted to {readings:.0f} independent readings{alike}: little is left to judge "
+            f"them by; {more}, or free fewer in [plan]"
+        )
     ]
 
 
@@ -228,6 +230,7 @@ def assess_fit(
         problems=problems if worse is None else (worse,),
         warnings=tuple(said),
         asides=frozenset(text for text in said if isinstance(text, Aside)),
+        doubts=tuple(text for text in said if isinstance(text, Doubt)),
         angle_unit="mrad" if cell.gauge.unit == "mrad" else None,
         simulated=True if run.simulated or (validation is not None and validation.simulated) else None,
         run=run,

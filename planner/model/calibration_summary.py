@@ -27,6 +27,7 @@ class CalibrationSummary(DocumentSection):
         answer: whether 95 of 100 targets are within the tolerance; "not known" too where none was stated.
         headline: the same as a title.
         because: what the answer rests on, in a sentence.
+        planned: whether it is what the plan expected, and why it is not; ``None`` without a plan.
         tolerance: that was stated [m]; ``None`` where none was.
         tool: with which tool; the figure and the next steps are of this one.
         targets_within, targets_within_before: what 95 of 100 targets stay within [m]; ``None`` where nothing is known.
@@ -35,10 +36,11 @@ class CalibrationSummary(DocumentSection):
         next_steps: two at most, what brings most first.
     """
 
-    if_any = ("tolerance_mm", "within_mm", "within_before_mm", "other_tool_within_mm")
+    if_any = ("planned", "tolerance_mm", "within_mm", "within_before_mm", "other_tool_within_mm")
     answer: UseAnswer
     headline: str
     because: str
+    planned: str | None = None
     tolerance: float | None = None
     tool: ToolName
     targets_within: float | None = None

@@ -15,9 +15,21 @@ def targets_text(within: float, uncalibrated: float) -> str:
     return f"95 of 100 targets within {bound_text(within)}, uncalibrated {bound_text(uncalibrated)}"
 
 
+def usual_uses_text(within: float) -> str:
+    """Say for which usual uses it is enough that targets are within so much [m]; docs/commands/identify.md has why."""
+    needs = {"handling": 1.0, "arc welding": 0.5, "drilling": 0.2}  # [mm] that such uses mostly allow
+    mm = float(to_mm(within))
+    enough = [f"{use} ({allowed:g} mm)" for use, allowed in needs.items() if mm <= allowed]
+    others = [f"{use} ({allowed:g} mm)" for use, allowed in needs.items() if mm > allowed]
+    if not enough:
+        return f"Not enough for usual {others[0]}."
+    listed = " and ".join(filter(None, (", ".join(enough[:-1]), enough[-1])))
+    return f"Enough for usual {listed}{f', not for {others[0]}' if others else ''}."
+
+
 def ask_for_tolerance(where: str) -> str:
     """Say what a yes or no needs, and ``where`` it is given."""
-    return f"State a tolerance ({where}) for a yes or no."
+    return f"State your tolerance ({where}) for a yes or no."
 
 
 def use_sentence(use: Use) -> str:

@@ -135,6 +135,6 @@ class NextSessionChooser:
         """
         if self.until is not None and at_most <= self.until:
             raise NoSolutionError(
-                f"{self.before.folder}: 95 of 100 such robots are below {to_mm(at_most):.3f} mm {where} already: "
+                f"{self.before.folder}: the error is below {to_mm(at_most):.3f} mm {where} already, 95 % sure: "
                 "nothing is to be measured for that; ask for less, or give --poses"
             )

@@ -63,7 +63,7 @@ def approach_chart(facts: CalibrationFacts) -> Chart:
     joints = np.arange(1, sense.shape[1] + 1)
     across = 0.14 * golden_steps(len(which))
     panels = []
-    for stage, side in ((facts.placed_stage, "frames"), (facts.written_stage, "calibrated")):
+    for stage, side in ((facts.placed_stage, facts.placed_stage.name), (facts.written_stage, facts.written_stage.name)):
         error = to_mm(error_along(stage.held_residual))
         few, x = error[which], joints + 0.2 * direction[which] + across[:, None]
         cloud = Series("one reading", x.ravel(), np.repeat(few, len(joints)), BLUE, "points", size=3.0, opacity=0.35)
@@ -98,6 +98,11 @@ def _scatter(a: PlotVariable, error: Array, unit: str) -> Panel:
 
 
 BEFORE, AFTER = RED, BLUE
+
+
+def _sides(facts: CalibrationFacts) -> tuple[tuple[str, str], ...]:
+    """Return the stages that are compared, by the names that the table of stages gives them, and their colours."""
+    return (facts.placed_stage.name, BEFORE), (facts.written_stage.name, AFTER)
 
 
 class CalibrationCharts(NamedTuple):
@@ -138,22 +143,22 @@ def draw_calibration_charts(facts: CalibrationFacts) -> CalibrationCharts:
 
 
 def histogram_chart(facts: CalibrationFacts) -> Chart:
-    """How many samples have which error, before and after."""
+    """How many samples have which held-out error, before and after: the first and last rows of the table of stages."""
     before, after = (to_mm(error_size(s.held_residual)) for s in (facts.placed_stage, facts.written_stage))
     low = max(float(np.quantile(after, 0.005)), float(before.max()) * 1e-6, 1e-7)
     high = 1.1 * max(float(before.max()), float(after.max()))
     unit = facts.calibration.reading_unit
     edges = np.geomspace(min(low, high / 10), high, 60 + 1)  # bins of the histogram
     series = []
-    for name, error, colour in (("frames", before, BEFORE), ("calibrated", after, AFTER)):
+    for (name, colour), error in zip(_sides(facts), (before, after), strict=True):
         share = 100 * np.histogram(np.clip(error, edges[0], edges[-1]), edges)[0] / len(error)
         label = f"{name}, mean {digits(float(error.mean()))} {unit}"
         series.append(Series(label, *histogram_outline(edges, share), colour, filled=True))
-    labels = ("", f"error of a reading that the fit had not seen ({unit}, logarithmic)", "part of the readings (%)")
+    labels = ("", f"held-out error ({unit}, logarithmic)", "part of the readings (%)")
     span, top = (float(edges[0]), float(edges[-1])), 1.1 * max(float(s.y.max()) for s in series)
     panel = Panel(*labels, tuple(series), log_x=True, x_range=span, y_range=(0.0, top), height=230)
-    caption = "Every reading was predicted by a fit that had not seen it. One step of the scale is ten times less."
-    return Chart("histogram", "Error before and after", caption, (panel,))
+    caption = "Each reading as predicted by a fit that had not seen it. One step of the scale is ten times less."
+    return Chart("histogram", "Held-out error of the readings", caption, (panel,))
 
 
 def pose_chart(facts: CalibrationFacts) -> Chart:
@@ -163,17 +168,17 @@ def pose_chart(facts: CalibrationFacts) -> Chart:
     floor = max(float(np.quantile(after, 0.02)) / 2, 1e-10)
     x = np.arange(1, len(names) + 1, dtype=float)
     series = []
-    for label, values, colour in (("frames", before, BEFORE), ("calibrated", after, AFTER)):
+    for (label, colour), values in zip(_sides(facts), (before, after), strict=True):
         hover = tuple(f"{n}: {digits(float(v))} {unit}" for n, v in zip(names, to_mm(values), strict=True))
         y = to_mm(np.maximum(values, floor))
         series.append(Series(label, x, y, colour, "points", hover=hover, size=5.0, opacity=0.8))
     moving = facts.calibration.run.continuous or facts.calibration.run.samples.pose is None
     what = "sample drawn" if moving else "pose"
     span = (float(to_mm(floor)) / 1.3, 1.5 * float(to_mm(max(before.max(), after.max()))))
-    labels = ("", f"{what}, in the order of measuring", f"error ({unit}, logarithmic)")
+    labels = ("", f"{what}, in the order of measuring", f"held-out error ({unit}, logarithmic)")
     panel = Panel(*labels, tuple(series), log_y=True, y_range=span, height=270)
     caption = f"Each {what} as predicted by a fit that had not seen it. Point at one for its number."
-    return Chart("by_pose", f"Error of each {what}", caption, (panel,))
+    return Chart("by_pose", f"Held-out error of each {what}", caption, (panel,))
 
 
 def correlation_chart(facts: CalibrationFacts) -> Chart:
@@ -237,7 +242,7 @@ def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
         )
         for title, label, field in (("before", "height (mm)", fields[0]), ("after", "", fields[1]))
     )
-    caption = f"Error (mm) that 95 of 100 robots like this stay below, with {TOOLS[which]}. Dots: measured poses."
+    caption = f"Error (mm), 95 % sure below, with {TOOLS[which]}. Dots: measured poses."
     return Chart("expected_error", "Error over the workspace", caption, panels, columns=2)
 
 

@@ -61,10 +61,10 @@ def proof_text(facts: CalibrationFacts) -> tuple[str, ...]:
     unit, read = c.reading_unit, c.setup.gauge.plural
     before, after = facts.placed_stage.held_out, facts.written_errors.held_out
     if c.problems:
-        return (f"The fit leaves a mean error of {in_mm(after.mean)} {unit} on {groups} that it never saw.",)
+        return (f"The fit leaves a held-out error of {in_mm(after.mean)} {unit}, mean, on {groups} that it never saw.",)
     was, now = (f"{in_mm(m.mean)} {unit}" for m in (before, after))
     a, b = (f"{in_mm(m.largest)} {unit}" for m in (before, after))
-    out = [f"Mean error of {read} {was} → {now} on {groups} that no fit saw; the largest {a} → {b}."]
+    out = [f"Held-out error of {read}, mean {was} → {now}, largest {a} → {b}: on {groups} that no fit saw."]
     if before.mean <= after.mean:
         out.append("The calibration brought nothing.")
     checks = [s.validation for s in (facts.placed_stage, facts.written_errors) if s.validation is not None]
@@ -81,7 +81,7 @@ def open_parts_text(c: Calibration) -> tuple[str, ...]:
     if r is None or c.problems:
         return ()
     out = [
-        f"Rms over the workspace: {in_mm(r.nominal_anywhere)} mm → {in_mm(c.workspace_error)} mm (95 % below "
+        f"Rms over the workspace: {in_mm(r.nominal_anywhere)} mm → {in_mm(c.workspace_error)} mm (95 % sure below "
         f"{in_mm(r.at_most)} mm); with a tool that was not measured {in_mm(r.other_tool)} mm."
     ]
     if r.where_measured is not None:

@@ -8,7 +8,15 @@ from planner.design.expected_errors import ErrorByNumber
 from planner.design.foresight_text import another_place_pays, describe_goal
 from planner.design.target_errors import TargetForecast
 from planner.model.use_statement import UseAnswer
-from planner.model.use_text import TARGET, TOOLS, ask_for_tolerance, bound_text, share_text, targets_text
+from planner.model.use_text import (
+    TARGET,
+    TOOLS,
+    ask_for_tolerance,
+    bound_text,
+    share_text,
+    targets_text,
+    usual_uses_text,
+)
 from planner.session.plan_types import Plan
 
 
@@ -41,21 +49,21 @@ def judge_plan(plan: Plan) -> PlanVerdict:
     if targets is None:
         left, at_most = bound_text(e.left), bound_text(e.at_most)
         headline = f"Expected: tool error {left}, now {bound_text(e.before)}"
-        because = f"Rms {e.unknown.where}; 95 of 100 such robots stay below {at_most}.{goal}"
+        because = f"Rms {e.unknown.where}; 95 % sure below {at_most}.{goal}"
         return PlanVerdict(None, headline, because, _changes(plan, 1.0))
     within = targets_text(targets.within, targets.before)
     with_tool = f"with {TOOLS['measured']}"
     if targets.tolerance is None:
         answer, headline = None, f"Expected: {within}"
-        why = ask_for_tolerance("tolerance_mm under [use] in the cell")
+        why = f"{usual_uses_text(targets.within)} {ask_for_tolerance('tolerance_mm under [use] in the cell')}"
         if targets.used != "measured":
             why = f"For {TOOLS[targets.used]}, which will be used, nothing is foreseen."
-        because = f"95 of 100 robots of this kind end this good or better, {with_tool}. {why}"
+        because = f"95 % sure for a robot of this kind, {with_tool}. {why}"
     else:
         answer, headline = _answer(targets)
         because = (
-            f"Expected {with_tool}: {within}, for 95 of 100 robots of this kind. {share_text(targets.enough)} of such "
-            "robots hold the tolerance."
+            f"Expected {with_tool}, 95 % sure: {within}. {share_text(targets.enough)} of the robots of this kind hold "
+            "the tolerance."
         )
     return PlanVerdict(answer, headline, f"{because} {TARGET}{goal}", _changes(plan, targets.within / e.left))
 

@@ -52,6 +52,8 @@ def _summary_facts(summary: CalibrationSummary) -> Iterator[Fact]:
     yield "verdict", summary.headline
     if summary.figure:
         yield "within", f"{summary.figure}  {summary.meaning}"
+    if summary.planned and summary.planned.startswith("Planned"):
+        yield "planned", summary.planned.removeprefix("Planned: ")
 
 
 def _cause_fact(line: CauseLine) -> Fact:
@@ -85,7 +87,7 @@ def _verdict_facts(found: Calibration, release: Release | None) -> Iterator[Fact
     near = "" if (m := release.where_measured) is None else f"; {_mm(m)} mm at poses like those measured"
     yield (
         "tool error",
-        f"{_mm(release.nominal_anywhere)} → {anywhere} mm  rms over the workspace; 95 % below {at_most} mm{near}",
+        f"{_mm(release.nominal_anywhere)} → {anywhere} mm  rms over the workspace; 95 % sure below {at_most} mm{near}",
     )
     yield from () if leads else misfit
     if (own := release.work_tool) is not None:

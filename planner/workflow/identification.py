@@ -277,7 +277,12 @@ def fit_runs(measured: MeasuredRuns) -> CalibrationResult:
     with stages.stage("identification"):
         tracer, known = trace if asked.traces else None, (measured.run, measured.cell, measured.validation)
         found = fit_and_trace(*known, settings, lambda s: stages.say(s, 0, 0), tracer)
-    return _result(found.model_copy(update={"planned_errors": measured.foreseen}), measured.cell, asked, stages)
+    return _result(
+        found.model_copy(update={"planned_errors": measured.foreseen, "planned_targets": measured.planned}),
+        measured.cell,
+        asked,
+        stages,
+    )
 
 
 def _result(found: Calibration, cell: Cell, asked: IdentifyCall, stages: Stages) -> CalibrationResult:

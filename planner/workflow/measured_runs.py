@@ -19,6 +19,7 @@ from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.common.result import Result
 from planner.common.units import from_mm
+from planner.documents.calibration import PlannedTargets
 from planner.fit.run_setup import drop_unreadable, number_samples
 from planner.identification.joint_sessions import MeasuredSession, join_sessions
 from planner.kinematics.robot import Robot
@@ -218,6 +219,7 @@ class MeasuredRuns:
         cell: where it was measured, with the priors that were given.
         validation: poses that no fit sees.
         foreseen: what each plan has foreseen after each pose [m].
+        planned: what the one plan expected of the robot's targets; ``None`` where that is not known.
         stages: what is said of its progress, and the seconds that each step took.
     """
 
@@ -227,6 +229,7 @@ class MeasuredRuns:
     validation: Run | None
     foreseen: tuple[tuple[float, ...], ...]
     stages: Stages
+    planned: PlannedTargets | None = None
 
 
 def read_measured_runs(asked: IdentifyCall) -> MeasuredRuns:
@@ -242,7 +245,7 @@ def read_measured_runs(asked: IdentifyCall) -> MeasuredRuns:
             return _read_sessions(sources, asked)
     given, plan = single_value(asked.cell, "--cell"), _plan_of_poses(single_value(asked.plan, "--plan"))
     cell = with_priors(with_fleet(_cell_of(given, plan), asked.fleet), asked.priors)
-    stages, foreseen = Stages(asked.progress), tuple[float, ...]()
+    stages, foreseen, planned = Stages(asked.progress), tuple[float, ...](), None
     with stages.stage("reading"):
         run = _with_reference_warnings(cell, load_any(measured, cell.robot), measured)
         other = None if asked.validate is None else load_any(asked.validate, cell.robot)
@@ -251,14 +254,14 @@ def read_measured_runs(asked: IdentifyCall) -> MeasuredRuns:
             document = read_plan(path, "drives") if isinstance(plan, Path | str) else plan.document()
             run, kept_out = split_by_plan(number_samples(run), path, document, cell)
             run = replace(run, plan_id=document.plan_id)
-            other, foreseen = other or kept_out, _foreseen_errors(document)
+            other, foreseen, planned = other or kept_out, _foreseen_errors(document), _planned_targets(document)
         for each in (run, other):
             if each is not None:
                 check_unit(each, cell)
         run, other = drop_unreadable(cell, run), None if other is None else drop_unreadable(cell, other)
         if other is not None:  # what was cut out of the poses kept apart is said as what was cut out of the others
             run = replace(run, warnings=tuple(dict.fromkeys((*run.warnings, *other.warnings))))
-    return MeasuredRuns(asked, run, cell, other, (foreseen,) if foreseen else (), stages)
+    return MeasuredRuns(asked, run, cell, other, (foreseen,) if foreseen else (), stages, planned)
 
 
 def _read_sessions(sources: Sequence[RunSource], asked: IdentifyCall) -> MeasuredRuns:
@@ -309,6 +312,13 @@ def _foreseen_errors(document: PlanDocument) -> tuple[float, ...]:
     """Return the error that a plan has foreseen after each pose [m]; empty where it has foreseen none."""
     after = () if document.foresight is None else document.foresight.after_mm
     return () if any(v is None for v in after) else tuple(float(from_mm(v)) for v in after if v is not None)
+
+
+def _planned_targets(document: PlanDocument) -> PlannedTargets | None:
+    """Return what a plan expects of the robot's targets; ``None`` where it says nothing of them."""
+    if document.foresight is None or document.foresight.within_mm is None:
+        return None
+    return PlannedTargets(float(from_mm(document.foresight.within_mm)), len(document.ids("calibrate")))
 
 
 def _with_reference_warnings(cell: Cell, run: Run, source: Runs) -> Run:

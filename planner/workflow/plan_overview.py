@@ -58,7 +58,7 @@ def _verdict_facts(plan: Plan, verdict: PlanVerdict) -> Iterator[Fact]:
     of = ""
     if (targets := plan.targets) is not None:
         stated = "" if targets.tolerance is None else f": 95 of 100 targets within {bound_text(targets.within)}"
-        of = f"{stated} (95 of 100 such robots)"
+        of = f"{stated} (95 % sure)"
     yield "verdict", f"{verdict.headline}{of}"
     if plan.expected_error is not None and (goal := describe_goal(plan.expected_error)):
         yield "goal", goal
@@ -75,7 +75,7 @@ def _error_facts(expected: ErrorForecast) -> Iterator[Fact]:
     """Say the error of the tool before and after."""
     before, left, at_most = (f"{float(to_mm(v)):.3f} mm" for v in (expected.before, expected.left, expected.at_most))
     yield "error now", f"{before}  of the tool, rms {expected.unknown.where}, {expected.unknown.before_label}"
-    yield "error after", f"{left}  95 of 100 such robots below {at_most}"
+    yield "error after", f"{left}  95 % sure below {at_most}"
 
 
 def _number_text(f: ErrorByNumber) -> str:

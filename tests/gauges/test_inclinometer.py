@@ -133,7 +133,7 @@ def test_a_simulated_run_is_identified(cell, run):
     page = report_calibration(found).html().replace("\u00a0", " ")
     assert re.search(r"Mean error of inclinations [0-9.]+ mrad → [0-9.]+ mrad", page)
     assert "fitted (mrad)" in page
-    assert "error of a reading that the fit had not seen (mrad" in page
+    assert "held-out error (mrad" in page
     assert not re.search(r"(?<!expected )error \(mm|fitted \(mm|held out \(mm|reading[^.<]{0,40}[0-9] mm", page)
     assert json.loads(found.to_json())["angle_unit"] == "mrad"
     table = pl.read_csv(residuals_csv(found).encode())

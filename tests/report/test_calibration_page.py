@@ -12,8 +12,9 @@ import pytest
 
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.documents.calibration import Calibration
+from planner.documents.calibration import Calibration, PlannedTargets
 from planner.documents.calibration_summary import summarize
+from planner.model.use_text import bound_text
 from planner.release.suitability import judge_use, target_errors
 from planner.report.calibration_charts import draw_calibration_charts, histogram_chart, residual_chart
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
@@ -150,11 +151,48 @@ def test_a_tolerance_is_answered_in_the_headline(c: Calibration, times: float, a
     assert (told.next_steps[0].what == "Correct your programs: edbb compensate") or answer == "no"
 
 
+def test_what_makes_the_verdict_doubtful_stands_beside_it_and_is_not_folded_away(c: Calibration) -> None:
+    note = "90 parameters were fitted to 91 independent readings: little is left to judge them by"
+    doubtful = c.model_copy(update={"warnings": (*c.warnings, note), "doubts": (note,)})
+    html = report_calibration(doubtful).html()
+    assert html.count(note) == 1
+    assert html.index("<h1") < html.index(note) < html.index("<h3>What to do next</h3>")
+
+
+def test_charts_of_held_out_errors_name_the_stages_as_the_table_does(c: Calibration) -> None:
+    facts = CalibrationFacts(c)
+    rows = [row[0] for row in calibration_content(facts)["stages"]]
+    proof = {chart.name: chart for chart in draw_calibration_charts(facts).proof}
+    for name in ("histogram", "by_pose"):
+        assert proof[name].title.startswith("Held-out error")
+        labels = [series.label.partition(",")[0] for series in proof[name].panels[0].series]
+        assert labels == [rows[1], rows[-1]] == ["frames", "calibrated"]
+
+
+def test_a_calibration_says_whether_it_is_what_its_plan_expected_and_why_not(c: Calibration) -> None:
+    within = summarize(c).targets_within
+    assert within is not None
+    assert summarize(c).planned is None
+
+    def said(times: float, poses: int = c.n_groups) -> str:
+        return summarize(c.model_copy(update={"planned_targets": PlannedTargets(times * within, poses)})).planned or ""
+
+    assert said(1.1).startswith("As planned: ")
+    assert said(0.5).startswith(f"Planned: {bound_text(0.5 * within)} for a robot of this kind. This run leaves ")
+    assert f"because 10 of {c.n_groups + 10} planned poses are missing" in said(0.5, c.n_groups + 10)
+    assert "missing" not in said(0.5, c.n_groups + 1)
+    planned = c.model_copy(update={"planned_targets": PlannedTargets(0.5 * within, c.n_groups)})
+    assert summarize(planned, "another").planned is None  # the plan is of the measured tool point
+    shown = planned.model_copy(update={"summary": summarize(planned)})
+    assert f"  planned     {bound_text(0.5 * within)} for a robot" in fit_overview(shown).text()
+    assert said(0.5) in report_calibration(shown).html().replace("\u00a0", " ")
+
+
 def test_proof_is_the_error_of_readings_not_seen(c: Calibration) -> None:
     said = " ".join(proof_text(CalibrationFacts(c)))
     assert c.released
     before, after = next(s for s in c.stages if s.name == "frames"), c.released
-    found = re.search(r"Mean error of lengths ([\d.]+) mm → ([\d.]+) mm on poses that no fit saw", said)
+    found = re.search(r"Held-out error of lengths, mean ([\d.]+) mm → ([\d.]+) mm, .* on poses that no fit saw", said)
     assert found
     assert float(found[1]) == pytest.approx(1e3 * np.abs(before.held_residual).mean(), rel=6e-3)
     assert float(found[2]) == pytest.approx(1e3 * np.abs(after.held_residual).mean(), rel=6e-3)

@@ -4,10 +4,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from planner.documents.calibration_summary import _how_sure, _next_steps
+from planner.documents.calibration import PlannedTargets
+from planner.documents.calibration_summary import _how_sure, _next_steps, _planned_text
 from planner.model.finding import Finding
 from planner.model.identification_document import ErrorParts
 from planner.model.use_statement import ToolUse, Use
+from planner.model.use_text import usual_uses_text
 
 
 @pytest.mark.parametrize(("measured", "left"), [(0.25e-3, "0.25 mm"), (None, "0 mm")])
@@ -37,6 +39,39 @@ def test_steps_are_in_the_measure_of_the_headline():
     warm, second = _next_steps(found, release, use, "measured", None)
     assert warm.brings == "2.5 mm → 2.0 mm at best"  # 1 → 0.8 rms
     assert second.brings == "any other tool 6.0 mm → 2.5 mm at best"
+
+
+@pytest.mark.parametrize(
+    ("unseen", "parts", "why"),
+    [
+        ((), (3e-4, 2e-4, 1e-4), "it is one of the few robots of which readings leave more open"),
+        ((), (1e-4, 2e-4, 3e-4), "no named cause explains a part of its errors"),
+        (("how the base turns",), (1e-4, 3e-4, 2e-4), "no pose shows how the base turns: poses elsewhere would"),
+    ],
+)
+def test_a_run_that_leaves_more_than_its_plan_says_why(unseen, parts, why):
+    shown = tuple(SimpleNamespace(what=what, cure="poses elsewhere") for what in unseen)
+    parts = ErrorParts(seen=parts[0], unseen=parts[1], misfit=parts[2])
+    release = SimpleNamespace(parts=parts, not_shown=shown)
+    found = SimpleNamespace(
+        planned_targets=PlannedTargets(0.84e-3, 100), n_groups=100, split=SimpleNamespace(by="pose"), release=release
+    )
+    said = f"Planned: 0.84 mm for a robot of this kind. This run leaves 1.5 mm, because {why}."
+    assert _planned_text(found, 1.5e-3) == said
+
+
+@pytest.mark.parametrize(
+    ("within", "said"),
+    [
+        (0.15e-3, "Enough for usual handling (1 mm), arc welding (0.5 mm) and drilling (0.2 mm)."),
+        (0.2e-3, "Enough for usual handling (1 mm), arc welding (0.5 mm) and drilling (0.2 mm)."),
+        (0.47e-3, "Enough for usual handling (1 mm) and arc welding (0.5 mm), not for drilling (0.2 mm)."),
+        (0.84e-3, "Enough for usual handling (1 mm), not for arc welding (0.5 mm)."),
+        (1.5e-3, "Not enough for usual handling (1 mm)."),
+    ],
+)
+def test_without_a_tolerance_usual_uses_say_what_it_is_enough_for(within, said):
+    assert usual_uses_text(within) == said
 
 
 @pytest.mark.parametrize(
