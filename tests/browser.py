@@ -25,8 +25,10 @@ DRIVER = "GL Driver Message"  # of the software that stands for a graphics card:
 SETTLED = "async () => { for (let n = 0; n < 4; n++) await new Promise((done) => requestAnimationFrame(done)); }"
 PLACES = '() => [...document.querySelectorAll(".chart, #view")].map((e) => e.id)'
 OPENED = "document.querySelectorAll('details').forEach((d) => { d.open = true; })"
-IN_SPACE = '() => !document.querySelector("#view") || document.querySelector("#view canvas, #view p:not(.waiting)")'
-# a chart is drawn where something of its panels has a size; the view in space has a canvas
+IN_SPACE = (
+    '() => !document.querySelector("#view") || document.querySelector("#view canvas, .still, #view p:not(.waiting)")'
+)
+# a chart is drawn where something of its panels has a size; the view in space has a picture or a canvas
 EMPTY = """() => [...document.querySelectorAll(".chart, #view")].filter((place) => {
     const marks = [...place.querySelectorAll("svg path:not(.grid), svg g.series, svg image, canvas")];
     return !marks.some((m) => { const r = m.getBoundingClientRect(); return r.width + r.height > 0; });
@@ -133,6 +135,11 @@ def look(page, address, shots):
             page.wait_for_timeout(400)
             page.screenshot(path=f"{shots}_{name}.png", full_page=True)
     found = {"charts": page.evaluate(PLACES), "empty": page.evaluate(EMPTY), "ticks": page.evaluate(TICKS)}
+    if page.locator("#turn").count():  # behind the still picture there is a view that turns
+        page.click("#turn")
+        page.wait_for_selector("#view canvas")
+        page.evaluate(SETTLED)
+        found["empty"] += page.evaluate(EMPTY)
     found["text"] = page.evaluate("document.body.innerText.slice(0, 400)")
     for what, hear in heard.items():
         page.remove_listener(what, hear)

@@ -78,6 +78,22 @@ def _turn_profile(r: Array, z: Array, around: int = FACETS_AROUND) -> Mesh:
     return Mesh(vertices, np.vstack([np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)]))
 
 
+def hex_colour(name: str) -> Array:
+    """Return red, green and blue of ``#RRGGBB``, (3,) 0 … 255."""
+    return np.array([int(name[k : k + 2], 16) for k in (1, 3, 5)], dtype=float)
+
+
+def lit_colours(mesh: Mesh, colours: tuple[str, ...]) -> Array:
+    """Return the colour of each triangle in the light of one far lamp, (t, 3) 0 … 1."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+    light = np.array([0.35, 0.45, 0.82])  # where it comes from: steeply from above, over the left shoulder
+    bright = 0.62 + 0.38 * np.abs(normal @ light)  # 0.62: what lies in the shade
+    palette = {name: hex_colour(name) / 255 for name in set(colours)}
+    return np.asarray(np.array([palette[name] for name in colours]) * bright[:, None])
+
+
 VIEW_FRAMES = 360  # states along the path there, shared by the fixtures
 NO_POINTS: Array = np.empty((0, 3))
 LINKS = ("#D8D5CF", "#C3C0B9")  # neighbouring links are told apart by their shade

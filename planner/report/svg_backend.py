@@ -231,7 +231,7 @@ def _picture(panel: Panel, x: _Axis, y: _Axis) -> str:
     (x0, x1), (y0, y1) = x.place(ends[0]), y.place(ends[1])
     return (
         f'<image x="{x0:.0f}" y="{y0:.0f}" width="{x1 - x0:.0f}" height="{y1 - y0:.0f}" preserveAspectRatio="none" '
-        f'href="data:image/png;base64,{_png(pixels)}"/>'
+        f'href="data:image/png;base64,{png_base64(pixels)}"/>'
     )
 
 
@@ -255,9 +255,10 @@ def _signed_pixels(values: Array) -> Array:
     return np.concatenate([colours, np.full((*values.shape, 1), 255.0)], axis=-1).round().astype(np.uint8)
 
 
-def _png(pixels: Array) -> str:
+def png_base64(pixels: np.ndarray) -> str:
+    """Return a picture (rows, columns, 3 or 4) as PNG in base64."""
     out = BytesIO()
-    Image.fromarray(pixels, "RGBA").save(out, "PNG", optimize=False)
+    Image.fromarray(pixels).save(out, "PNG", optimize=False)
     return b64encode(out.getvalue()).decode("ascii")
 
 

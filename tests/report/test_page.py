@@ -23,7 +23,7 @@ from tests.report.reading import ReadPage
 
 @pytest.mark.slow
 def test_page_loads_nothing_from_elsewhere(page: ReadPage) -> None:
-    assert page.loads == ["data:,"]
+    assert all(load.startswith("data:") for load in page.loads)
     assert "@import" not in page.styles
     assert "url(" not in page.styles
     ours = [text for a, text in page.scripts if a.get("type") in (None, "module")]

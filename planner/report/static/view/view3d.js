@@ -204,7 +204,8 @@ export function showView(view) {
   try {
     shown = new CellView(stage, view);
   } catch (problem) {
-    stage.replaceChildren(make("p", { className: "hint waiting" }, "This browser shows no 3D (WebGL is off)."));
+    const said = make("p", { className: "hint waiting" }, "This browser shows no 3D (WebGL is off).");
+    if (stage.querySelector("svg")) stage.after(said); else stage.replaceChildren(said); // a still picture stays
     return null;
   }
   document.querySelectorAll("[data-turn]").forEach((b) => b.addEventListener("click", () => shown.orbit.act(b.dataset.turn)));
