@@ -109,7 +109,7 @@ def _why_more(c: Calibration, plan: PlannedTargets) -> str:
     if parts is not None and parts.misfit > max(parts.seen, parts.unseen):
         return "no named cause explains a part of its errors"
     if unseen:
-        return f"no pose shows {unseen[0].what}: {unseen[0].cure} would"
+        return f"no pose shows {unseen[0].what}"
     return "it is one of the few robots of which readings leave more open"
 
 

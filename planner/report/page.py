@@ -52,8 +52,9 @@ def _keep_units(value: object) -> object:
 
 
 def _whole_options(text: str) -> str:
-    """Return a text as HTML in which no line breaks within an option of a command."""
-    return re.sub(r"--[a-z]+(-[a-z]+)*", r'<span class="whole">\g<0></span>', escape(text, quote=False))
+    """Return a text as HTML in which no line breaks within an option of a command, or before a unit."""
+    kept = UNITS.sub("\u00a0", escape(text, quote=False))
+    return re.sub(r"--[a-z]+(-[a-z]+)*", r'<span class="whole">\g<0></span>', kept)
 
 
 ENVIRONMENT = template_environment(FOLDER)

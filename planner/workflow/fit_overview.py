@@ -48,10 +48,13 @@ def fit_overview(found: Calibration) -> Summary:
 
 
 def _summary_facts(summary: CalibrationSummary) -> Iterator[Fact]:
-    """Say the verdict, and the one figure with its meaning."""
-    yield "verdict", summary.headline
-    if summary.figure:
-        yield "within", f"{summary.figure}  {summary.meaning}"
+    """Say the verdict, the one figure with its meaning, and why it is not what the plan expected."""
+    if summary.figure and summary.tolerance is None:  # the headline has the figure
+        yield "verdict", f"{summary.headline}, {summary.meaning}"
+    else:
+        yield "verdict", summary.headline
+        if summary.figure:
+            yield "within", f"{summary.figure}  {summary.meaning}"
     if summary.planned and summary.planned.startswith("Planned"):
         yield "planned", summary.planned.removeprefix("Planned: ")
 

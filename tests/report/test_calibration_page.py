@@ -165,7 +165,7 @@ def test_charts_of_held_out_errors_name_the_stages_as_the_table_does(c: Calibrat
     proof = {chart.name: chart for chart in draw_calibration_charts(facts).proof}
     for name in ("histogram", "by_pose"):
         assert proof[name].title.startswith("Held-out error")
-        labels = [series.label.partition(",")[0] for series in proof[name].panels[0].series]
+        labels = [series.name.partition(",")[0] for series in proof[name].panels[0].series]
         assert labels == [rows[1], rows[-1]] == ["frames", "calibrated"]
 
 
