@@ -6,7 +6,6 @@ How long and how finely something is searched stands where the search does; it c
 # ---- what is assumed of a robot and its gauge before anything is measured
 UNMEASURED_TOOL_PRIOR = 1.0  # [m] prior sigma of a tool point that nobody measured: as good as nothing is known
 HIGHEST_GEAR_WAVE = 15.0  # [waves a turn] most of a gear's transmission error lies below
-TYPICAL_OF_USUAL = 0.25  # [1] of sizes of which most robots have little and few much: so sums of several mostly are
 UNSAID_PAYLOAD = 5.0  # [kg] where the robot's file does not say what it carries: small arms carry 3 to 10 kg
 SECONDS_BETWEEN_POSES = 10.0  # [s] of travel, about: only the drift of the temperature depends on it
 REMEMBERED_POSES = 3  # poses before the measured one that a joint's friction may remember

@@ -31,6 +31,11 @@ def is_usual(family: str) -> bool:
     return family.startswith((BASE_BY_PLACE, LOST_MOTION_OF, BEYOND_LOADS))
 
 
+def typical_factor() -> float:
+    """Return the factor on such sizes that sums of several mostly have: most robots have little of each, few much."""
+    return 0.25
+
+
 def usual_factors() -> tuple[Array, Array]:
     """Return factors (k,) on the size of such a family and their probabilities: most robots have little, few much."""
     factors = 2.0 ** np.arange(-7, 4, dtype=float)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -179,6 +180,12 @@ def _fit_notes(fitted: FittedStage, parts: Split, run: Run, time: float) -> Iter
     yield from few_readings_note(len(model.names), model.width, len(run), time)
 
 
+def _notes_by_kind(said: Sequence[str]) -> dict[str, Any]:
+    """Return those that ask nothing of anybody, and those that make the verdict doubtful."""
+    asides = frozenset(text for text in said if isinstance(text, Aside))
+    return {"asides": asides, "doubts": tuple(text for text in said if isinstance(text, Doubt))}
+
+
 def assess_fit(
     stages: list[FittedStage], free: FittedParameters, context: FitContext, cell: Cell, validation: Run | None,
     traced: TracingResult, notes: Sequence[str] = (), basis: ReleaseBasis = "posterior",
@@ -229,8 +236,7 @@ def assess_fit(
         frames=_frames(found, released, estimates),
         problems=problems if worse is None else (worse,),
         warnings=tuple(said),
-        asides=frozenset(text for text in said if isinstance(text, Aside)),
-        doubts=tuple(text for text in said if isinstance(text, Doubt)),
+        **_notes_by_kind(said),
         angle_unit="mrad" if cell.gauge.unit == "mrad" else None,
         simulated=True if run.simulated or (validation is not None and validation.simulated) else None,
         run=run,

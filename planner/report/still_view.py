@@ -7,6 +7,7 @@ more, of which the nearest are seen.
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,14 +15,9 @@ from planner.common.units import Array
 from planner.report.cell_view import STAND, CellView, Mesh, hex_colour, lit_colours
 from planner.report.svg_backend import png_base64
 
-WIDE, HIGH = 604, 370  # [px] of the picture on the page
-FINE = 2  # pixels of the picture to one of the page, along each side
-AROUND, ABOVE, OPENING, AWAY = 0.75, 0.42, np.radians(38.0), 1.05  # the camera of orbit.js and view3d.js
 SPOTS = {"calibrate": "#0072B2", "repeat": "#009E73", "validate": "#CC79A7", "mount": "#E69F00"}  # as there
 AXES = (("x", "#D55E00"), ("y", "#009E73"), ("z", "#0072B2"))  # as there
 PAPER, FLOOR, PATH, REACH = "#F6F8F9", "#D3DAE0", "#3C3C3C", "#56B4E9"
-SPOT_RADIUS = 11.0  # [mm] of a ball that marks a pose
-TANGLED = 30  # poses: the path through more of them would hide the robot, and is faint
 
 
 @dataclass(frozen=True)
@@ -30,25 +26,32 @@ class Camera:
 
     low: Array
     high: Array
+    wide: ClassVar[int] = 604  # [px] of the picture on the page
+    tall: ClassVar[int] = 370
+    fine: ClassVar[int] = 2  # pixels of the picture to one of the page, along each side
+    around: ClassVar[float] = 0.75  # [rad] as orbit.js and view3d.js begin, and what follows too
+    above: ClassVar[float] = 0.42
+    away: ClassVar[float] = 1.05  # distance from the middle, in diagonals of the box
+    opening: ClassVar[float] = float(np.radians(38.0))
 
     @cached_property
     def directions(self) -> Array:
         """To the right, down and forward, (3, 3)."""
-        level = np.cos(ABOVE)
-        forward = -np.array([level * np.cos(AROUND), level * np.sin(AROUND), np.sin(ABOVE)])
+        level = np.cos(self.above)
+        forward = -np.array([level * np.cos(self.around), level * np.sin(self.around), np.sin(self.above)])
         right = np.array([forward[1], -forward[0], 0.0]) / level
         return np.array([right, np.cross(forward, right), forward])
 
     @property
     def focal(self) -> float:
         """Pixels of the picture to a slope of one."""
-        return float(FINE * HIGH / 2 / np.tan(OPENING / 2))
+        return float(self.fine * self.tall / 2 / np.tan(self.opening / 2))
 
     def project(self, points: Array) -> Array:
         """Return pixels to the right and down, and the distance forward [mm], of points (n, 3), (n, 3)."""
         seen = (points - (self.low + self.high) / 2) @ self.directions.T
-        ahead = np.maximum(seen[:, 2] + AWAY * float(np.linalg.norm(self.high - self.low)), 1.0)
-        middle = FINE * np.array([WIDE, HIGH]) / 2
+        ahead = np.maximum(seen[:, 2] + self.away * float(np.linalg.norm(self.high - self.low)), 1.0)
+        middle = self.fine * np.array([self.wide, self.tall]) / 2
         return np.column_stack([middle + self.focal * seen[:, :2] / ahead[:, None], ahead])
 
 
@@ -57,8 +60,11 @@ class _Canvas:
     """Pixels of the picture, row by row: colours (p, 3) 0 … 255, and the distance of what is seen there (p,) [mm]."""
 
     camera: Camera
-    colours: Array = field(default_factory=lambda: np.tile(hex_colour(PAPER), (FINE * FINE * WIDE * HIGH, 1)))
-    ahead: Array = field(default_factory=lambda: np.full(FINE * FINE * WIDE * HIGH, np.inf))
+    colours: Array = field(
+        default_factory=lambda: np.tile(hex_colour(PAPER), (Camera.fine**2 * Camera.wide * Camera.tall, 1))
+    )
+    ahead: Array = field(default_factory=lambda: np.full(Camera.fine**2 * Camera.wide * Camera.tall, np.inf))
+    ball: ClassVar[float] = 11.0  # [mm] radius of a ball that marks a pose
 
     def cover(self, points: Array, colours: Array) -> None:
         """Paint points (n, 3) [mm] where nothing is nearer; colours (n, 3)."""
@@ -72,20 +78,20 @@ class _Canvas:
         seen = np.zeros(len(self.ahead), dtype=bool)
         for points in parts:
             at, ahead, _ = self._pixels(points)
-            seen[at[ahead < self.ahead[at] + SPOT_RADIUS]] = True
+            seen[at[ahead < self.ahead[at] + self.ball]] = True
         self.colours[seen] += share * (hex_colour(colour) - self.colours[seen])
 
     def _pixels(self, points: Array) -> tuple[np.ndarray, Array, np.ndarray]:
         """Return the pixels of those points that are in the picture, their distances, and which they are."""
         x, y, ahead = self.camera.project(points).T
-        inside = (x >= 0) & (x < FINE * WIDE) & (y >= 0) & (y < FINE * HIGH) & (ahead > 1.0)
+        inside = (x >= 0) & (x < Camera.fine * Camera.wide) & (y >= 0) & (y < Camera.fine * Camera.tall) & (ahead > 1.0)
         which = np.flatnonzero(inside)
-        return y[which].astype(int) * FINE * WIDE + x[which].astype(int), ahead[which], which
+        return y[which].astype(int) * Camera.fine * Camera.wide + x[which].astype(int), ahead[which], which
 
     @property
     def pixels(self) -> np.ndarray:
         """The picture, (rows, columns, 3)."""
-        return self.colours.round().astype(np.uint8).reshape(FINE * HIGH, FINE * WIDE, 3)
+        return self.colours.round().astype(np.uint8).reshape(Camera.fine * Camera.tall, Camera.fine * Camera.wide, 3)
 
 
 def still_view(view: CellView) -> str:
@@ -101,10 +107,11 @@ def still_view(view: CellView) -> str:
     canvas.tint((_along(camera, line) for line in _floor_lines(view)), FLOOR, 1.0)
     for shell in view.shells:
         canvas.tint((points for points, _ in _surface_points(camera, shell)), REACH, 0.15)
+    tangled = 30  # poses: the path through more of them would hide the robot, and is faint
     for lines in (view.paths, view.ways):
-        canvas.tint((_along(camera, line) for line in lines), PATH, 0.2 if len(view.spots) > TANGLED else 1.0)
-    image = f'<image width="{WIDE}" height="{HIGH}" href="data:image/png;base64,{png_base64(canvas.pixels)}"/>'
-    return f'<svg class="still" viewBox="0 0 {WIDE} {HIGH}" aria-hidden="true">{image}{_axes(view, camera)}</svg>'
+        canvas.tint((_along(camera, line) for line in lines), PATH, 0.2 if len(view.spots) > tangled else 1.0)
+    image = f'<image width="{camera.wide}" height="{camera.tall}" href="data:image/png;base64,{png_base64(canvas.pixels)}"/>'
+    return f'<svg class="still" viewBox="0 0 {camera.wide} {camera.tall}" aria-hidden="true">{image}{_axes(view, camera)}</svg>'
 
 
 def _cover_mesh(canvas: _Canvas, mesh: Mesh, colours: tuple[str, ...]) -> None:
@@ -133,7 +140,7 @@ def _cover_ball(canvas: _Canvas, middle: Array, colour: str) -> None:
     x, y = (v.ravel() for v in np.meshgrid(across, across))
     x, y = (v[x**2 + y**2 <= 1] for v in (x, y))
     near = np.sqrt(np.maximum(1 - x**2 - y**2, 0.0))
-    points = middle + SPOT_RADIUS * np.column_stack([x, y, -near]) @ canvas.camera.directions
+    points = middle + canvas.ball * np.column_stack([x, y, -near]) @ canvas.camera.directions
     canvas.cover(points, (0.7 + 0.3 * near)[:, None] * hex_colour(colour))
 
 
@@ -161,7 +168,7 @@ def _axes(view: CellView, camera: Camera) -> str:
     length = max(100.0, float(np.round(0.22 * np.linalg.norm(view.high - view.low) / 100)) * 100)
     out = []
     for (name, colour), along in zip(AXES, np.eye(3), strict=True):
-        base, tip, letter = camera.project(length * np.outer([0.0, 1.0, 1.15], along))[:, :2] / FINE
+        base, tip, letter = camera.project(length * np.outer([0.0, 1.0, 1.15], along))[:, :2] / camera.fine
         forward = (tip - base) / max(float(np.linalg.norm(tip - base)), 1e-9)
         side = 4 * np.array([-forward[1], forward[0]])  # [px]
         back = tip - 11 * forward

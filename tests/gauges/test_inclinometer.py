@@ -131,7 +131,7 @@ def test_a_simulated_run_is_identified(cell, run):
     assert any(" mrad  mean, largest " in text for key, text in said.details if key == "held out")
     assert dict(said.details)["stages"].startswith("held out, mrad ")
     page = report_calibration(found).html().replace("\u00a0", " ")
-    assert re.search(r"Mean error of inclinations [0-9.]+ mrad → [0-9.]+ mrad", page)
+    assert re.search(r"Held-out error of inclinations, mean [0-9.]+ mrad → [0-9.]+ mrad", page)
     assert "fitted (mrad)" in page
     assert "held-out error (mrad" in page
     assert not re.search(r"(?<!expected )error \(mm|fitted \(mm|held out \(mm|reading[^.<]{0,40}[0-9] mm", page)

@@ -25,28 +25,30 @@ def script(name):
 def test_it_is_seen_from_where_the_view_begins():
     orbit, view = script("orbit.js"), script("view3d.js")
     assert [float(re.search(rf"this.{k} = ([\d.]+)", orbit)[1]) for k in ("around", "above")] == [
-        still.AROUND,
-        still.ABOVE,
+        still.Camera.around,
+        still.Camera.above,
     ]
-    assert float(re.search(r"this.distance = ([\d.]+) \*", orbit)[1]) == still.AWAY
-    assert float(re.search(r"PerspectiveCamera\(([\d.]+),", view)[1]) == pytest.approx(np.degrees(still.OPENING))
+    assert float(re.search(r"this.distance = ([\d.]+) \*", orbit)[1]) == still.Camera.away
+    assert float(re.search(r"PerspectiveCamera\(([\d.]+),", view)[1]) == pytest.approx(np.degrees(still.Camera.opening))
     assert json.loads(re.sub(r"(\w+):", r'"\1":', re.search(r"const ROLES = (.*);", view)[1])) == still.SPOTS
 
 
 def test_points_come_where_a_perspective_camera_sees_them():
     """By a matrix that looks at the middle, as in OpenGL, and one of the perspective."""
-    middle, away = (LOW + HIGH) / 2, still.AWAY * np.linalg.norm(HIGH - LOW)
-    level = np.cos(still.ABOVE)
-    eye = middle + away * np.array([level * np.cos(still.AROUND), level * np.sin(still.AROUND), np.sin(still.ABOVE)])
+    middle, away = (LOW + HIGH) / 2, still.Camera.away * np.linalg.norm(HIGH - LOW)
+    level = np.cos(still.Camera.above)
+    eye = middle + away * np.array(
+        [level * np.cos(still.Camera.around), level * np.sin(still.Camera.around), np.sin(still.Camera.above)]
+    )
     back = (eye - middle) / away
     right = np.cross([0.0, 0.0, 1.0], back)
     right /= np.linalg.norm(right)
     look = np.array([right, np.cross(back, right), back])
     points = np.random.default_rng(3).uniform(LOW, HIGH, (50, 3))
     x, y, z = look @ (points - eye).T
-    slope = np.tan(still.OPENING / 2)
-    across, up = x / -z / slope * still.HIGH / still.WIDE, y / -z / slope  # −1 … 1 over the picture
-    wide, high = still.FINE * still.WIDE, still.FINE * still.HIGH
+    slope = np.tan(still.Camera.opening / 2)
+    across, up = x / -z / slope * still.Camera.tall / still.Camera.wide, y / -z / slope  # −1 … 1 over the picture
+    wide, high = still.Camera.fine * still.Camera.wide, still.Camera.fine * still.Camera.tall
     seen = still.Camera(LOW, HIGH).project(points)
     assert np.allclose(seen, np.column_stack([(across + 1) / 2 * wide, (1 - up) / 2 * high, -z]))
 
@@ -66,7 +68,10 @@ def test_a_surface_has_no_holes(corners):
     canvas = painted((corners, "#FF0000"))
     flat = canvas.camera.project(np.array(corners))[:, :2]
     columns, rows = (
-        v.ravel() for v in np.meshgrid(np.arange(still.FINE * still.WIDE), np.arange(still.FINE * still.HIGH))
+        v.ravel()
+        for v in np.meshgrid(
+            np.arange(still.Camera.fine * still.Camera.wide), np.arange(still.Camera.fine * still.Camera.tall)
+        )
     )
     inside = Outline(flat).contains_points(np.column_stack([columns, rows]) + 0.5, radius=0.0)
     seen = np.isfinite(canvas.ahead)
@@ -76,7 +81,7 @@ def test_a_surface_has_no_holes(corners):
 
 
 def test_what_is_nearer_is_seen():
-    eye = np.array([np.cos(still.AROUND), np.sin(still.AROUND), 0.0])
+    eye = np.array([np.cos(still.Camera.around), np.sin(still.Camera.around), 0.0])
     far = np.array([[0.0, 0.0, 0.0], [600.0, -300.0, 0.0], [0.0, 0.0, 600.0]])
     near = far + 200 * eye
     for order in ((far, near), (near, far)):
@@ -95,7 +100,7 @@ def test_the_picture_of_a_plan_shows_robot_poses_and_axes(plan: Plan) -> None:
     assert packed
     assert len(packed[1]) < 200_000
     pixels = 255 * imread(BytesIO(b64decode(packed[1])))[:, :, :3]
-    assert pixels.shape == (still.FINE * still.HIGH, still.FINE * still.WIDE, 3)
+    assert pixels.shape == (still.Camera.fine * still.Camera.tall, still.Camera.fine * still.Camera.wide, 3)
     camera, blue = still.Camera(view.low, view.high), hex_colour(still.SPOTS["calibrate"])
     at = camera.project(np.array([s.position for s in view.spots if s.role == "calibrate"])).astype(int)
     near = np.abs(pixels[at[:, 1], at[:, 0]] - blue).max(axis=1) < 60
