@@ -110,8 +110,10 @@ def still_view(view: CellView) -> str:
     tangled = 30  # poses: the path through more of them would hide the robot, and is faint
     for lines in (view.paths, view.ways):
         canvas.tint((_along(camera, line) for line in lines), PATH, 0.2 if len(view.spots) > tangled else 1.0)
-    image = f'<image width="{camera.wide}" height="{camera.tall}" href="data:image/png;base64,{png_base64(canvas.pixels)}"/>'
-    return f'<svg class="still" viewBox="0 0 {camera.wide} {camera.tall}" aria-hidden="true">{image}{_axes(view, camera)}</svg>'
+    size = f'width="{camera.wide}" height="{camera.tall}"'
+    image = f'<image {size} href="data:image/png;base64,{png_base64(canvas.pixels)}"/>'
+    box = f'class="still" viewBox="0 0 {camera.wide} {camera.tall}" aria-hidden="true"'
+    return f"<svg {box}>{image}{_axes(view, camera)}</svg>"
 
 
 def _cover_mesh(canvas: _Canvas, mesh: Mesh, colours: tuple[str, ...]) -> None:
