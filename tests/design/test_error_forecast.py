@@ -48,6 +48,7 @@ def test_robots_keep_the_error_that_is_foreseen(name):
     assert half.error > same.error == foreseen.left > twice.error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kuka-kr6-r700/edbb"])
 def test_targets_are_within_what_is_foreseen_of_robots_that_have_little_of_some_errors_and_much_of_few(name):
     cell = load_cell(name)

@@ -91,6 +91,7 @@ def test_what_is_nearer_is_seen():
         assert canvas.pixels[y, x, 0] > 100 > canvas.pixels[y, x, 2]
 
 
+@pytest.mark.slow
 def test_the_picture_of_a_plan_shows_robot_poses_and_axes(plan: Plan) -> None:
     view = build_cell_view(plan)
     drawn = still.still_view(view)
