@@ -23,7 +23,7 @@ from pydantic.alias_generators import to_pascal
 
 from planner.common.errors import InputError
 from planner.common.files import has_hash, read_bytes
-from planner.common.schema import PartialModel, StrictModel, read_json, read_toml, validate
+from planner.common.schema import PartialModel, ReasonText, Statement, StrictModel, read_json, read_toml, validate
 from planner.common.units import to_mm
 from planner.model.identification_document import Identification
 
@@ -42,7 +42,7 @@ EARLIEST = date(2000, 1, 1)  # of anything in a record: before it there is nothi
 class Withdrawal(StrictModel):
     """``withdrawn.json``: why an entry (in ``record.toml``: the serial number) counts no more, who said so, when."""
 
-    reason: Annotated[str, Field(min_length=3, max_length=500)]
+    reason: ReasonText
     by: Annotated[str, Field(max_length=100)] = ""
     date: date
 
@@ -61,11 +61,11 @@ class Circumstances(StrictModel):
     """Who, when, and with what."""
 
     date: date
-    operator: str = ""
-    temperature_degC: Annotated[float, Field(ge=-30, le=80)] | None = None
-    tool: str = ""
-    gauge: str = ""
-    certificate: str = ""
+    operator: Statement = ""
+    temperature_degC: Annotated[float, Field(ge=-30, le=80, strict=True)] | None = None
+    tool: Statement = ""
+    gauge: Statement = ""
+    certificate: Statement = ""
 
 
 class EntryFile(StrictModel):
@@ -213,6 +213,11 @@ class RobotRecord:
                 f"{other.document.robot}: one of them was changed; fetch it from a backup"
             )
         return cls(file, tuple(entries))
+
+    @property
+    def is_mistake(self) -> bool:
+        """Tell whether the serial number was withdrawn, and nothing that counts was added since."""
+        return self.file.withdrawn is not None and not self.valid_entries
 
     @property
     def simulated(self) -> bool:

@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from datetime import UTC, date, datetime
+from datetime import date, datetime, timedelta, timezone
 from pathlib import Path
 
 import tomli_w
@@ -30,8 +30,9 @@ from planner.model.identification_document import Identification
 
 
 def latest_day() -> date:
-    """Return today, here or in UTC, whichever is later."""
-    return max(date.today(), datetime.now(UTC).date())
+    """Return the latest day that has begun anywhere: people need not be in the zone of this machine."""
+    easternmost = timezone(timedelta(hours=14))
+    return datetime.now(easternmost).date()
 
 
 def _require_day(day: date, kind: EntryKind, known: RobotRecord, baseline: date | None) -> None:
@@ -43,7 +44,7 @@ def _require_day(day: date, kind: EntryKind, known: RobotRecord, baseline: date 
     if not first <= day <= latest_day():
         raise InputError(
             f"the {kind} is dated {day.isoformat()}; allowed are {first.isoformat()}{why} to "
-            f"{latest_day().isoformat()} (today)"
+            f"{latest_day().isoformat()} (today in the east)"
         )
 
 
@@ -74,7 +75,7 @@ def _require_same_robot(
 ) -> None:
     """Refuse results of another robot, and simulated ones beside real ones; what was withdrawn binds nothing."""
     counted = known.valid_entries
-    if document.robot != known.file.robot and (counted or not known.entries):
+    if document.robot != known.file.robot and (counted or not (known.entries or known.is_mistake)):
         raise InputError(f"{path} is of {document.robot}, but {record} is the record of {known.file.robot}")
     if serial not in (None, known.file.serial):
         raise InputError(f"{record} is the record of serial number {known.file.serial}, found {serial}")
@@ -138,13 +139,17 @@ def add_entry(
 
 
 def begin_record(record: Path, serial: str, robot: str) -> RobotRecord:
-    """Make the record of a robot that was never measured; ``robot`` is its model.
+    """Make the record of a robot that was never measured, or bring one back that was withdrawn; ``robot``: its model.
 
     Raises:
         InputError: it has one already.
     """
     if (record / "record.toml").is_file():
-        raise InputError(f"the robot {serial} has a record already")
+        if not (known := RobotRecord.read(record)).is_mistake:
+            raise InputError(f"the robot {serial} has a record already")
+        _write_head(record, known.file.model_copy(update={"robot": robot, "withdrawn": None}))
+        os.utime(record / "entries")
+        return RobotRecord.read(record)
     with draft_folder(record) as draft:
         (draft / "entries").mkdir(parents=True)
         _write_head(draft, RecordFile(schema="edbb-record/1", serial=serial, robot=robot))
@@ -160,9 +165,11 @@ def withdraw_record(record: Path, withdrawal: Withdrawal) -> RobotRecord:
     """Let a serial number that has no entry that counts be a mistake.
 
     Raises:
-        InputError: it has some.
+        InputError: it has some, or was withdrawn already.
     """
     known = RobotRecord.read(record)
+    if known.is_mistake:
+        raise InputError(f"the robot {known.file.serial} was withdrawn already")
     if known.valid_entries:
         there = ", ".join(str(e.number) for e in known.valid_entries)
         raise InputError(f"the robot {known.file.serial} has entries that count ({there}): withdraw these instead")

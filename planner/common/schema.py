@@ -14,6 +14,7 @@ from pydantic import (
     ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
+    StringConstraints,
     ValidationError,
     model_serializer,
 )
@@ -26,9 +27,15 @@ MOST = 1e6  # mm, degrees, mm/min, µm …: a kilometre; nothing that a file say
 Coordinate = Annotated[float, Field(ge=-MOST, le=MOST)]
 PositiveFloat = Annotated[float, Field(gt=0, le=MOST)]
 NonNegativeFloat = Annotated[float, Field(ge=0, le=MOST)]
-OneLine = Annotated[str, AfterValidator(lambda text: _check_line(text))]
-KeyPath = tuple[str | int, ...]
 MOST_NAME = 200  # letters of a name
+OneLine = Annotated[str, AfterValidator(lambda text: _check_line(text, MOST_NAME))]
+Statement = Annotated[OneLine, StringConstraints(strip_whitespace=True, max_length=MOST_NAME)]
+ReasonText = Annotated[
+    str,
+    StringConstraints(strip_whitespace=True, min_length=3, max_length=500),
+    AfterValidator(lambda text: _check_line(text, 500)),
+]
+KeyPath = tuple[str | int, ...]
 TABLE = "table"
 NEEDED = {  # by pydantic's name of the fault
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), TABLE),
@@ -41,9 +48,9 @@ NEEDED = {  # by pydantic's name of the fault
 }
 
 
-def _check_line(text: str) -> str:
-    if len(text) > MOST_NAME or not is_printable_line(text):
-        raise ValueError(f"a name on one line is needed, with at most {MOST_NAME} letters and no control signs")
+def _check_line(text: str, most: int) -> str:
+    if len(text) > most or not is_printable_line(text):
+        raise ValueError(f"a name on one line is needed, with at most {most} letters and no control signs")
     return text
 
 

@@ -8,12 +8,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from planner.checks.record import Withdrawal
 from planner.common.errors import InputError
 from planner.common.files import document_text, text_hash, write_text
-from planner.common.schema import StrictModel, read_json, validate
+from planner.common.schema import Statement, StrictModel, read_json, validate
 from planner.common.units import MM, to_mm
 from planner.model.identification_document import Identification, Release
 from planner.model.use_statement import ToolName
@@ -27,8 +27,7 @@ WITHIN_95_OF_RMS = 2.7955 / 3**0.5
 NUMBER = r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}-C[0-9]{2,4}"
 Region = Literal["workspace", "run"]
 REGIONS: dict[Region, str] = {"workspace": "any pose of the workspace", "run": "poses like those of the run"}
-Uncertainty = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
-Line = Annotated[str, Field(max_length=200)]
+Uncertainty = Annotated[float, Field(ge=0, le=100, strict=True), AfterValidator(abs)]  # -0 is 0
 
 
 class CertificateRequest(StrictModel):
@@ -37,8 +36,8 @@ class CertificateRequest(StrictModel):
     job: JobId = Field(description="the identification")
     tool: ToolName = Field("measured", description="with which tool the robot works")
     region: Region = Field("workspace", description="where it works")
-    place: Line = ""
-    approved_by: Line = ""
+    place: Statement = ""
+    approved_by: Statement = ""
     u_gauge_mm: Uncertainty | None = Field(None, description="of the gauge's own calibration, at the robot's reach")
     u_temperature_mm: Uncertainty | None = Field(None, description="of the change of temperature, calibration to work")
     u_base_mm: Uncertainty | None = Field(None, description="of how the cell's frame was found")

@@ -32,7 +32,7 @@ from planner.service.certificate_content import build_certificate
 from planner.service.context import Context, ServiceContext
 from planner.service.login import is_secure
 from planner.service.record_api import Reason
-from planner.service.record_store import UnknownRecordError
+from planner.service.record_store import RecordConflictError, UnknownRecordError
 from planner.service.rendering import ROOT, render
 
 FONT, BOLD = "DejaVuSans", "DejaVuSans-Bold"
@@ -94,13 +94,16 @@ def _print_across(canvas: Any, text: str, turn: float) -> None:
 def _paragraph(text: str, size: float = 8.0, bold: bool = False, right: bool = False, colour: str = "#1d232a") -> Any:
     from reportlab.lib.enums import TA_LEFT, TA_RIGHT
     from reportlab.lib.styles import ParagraphStyle
+    from reportlab.pdfbase import pdfmetrics
     from reportlab.platypus import Paragraph
 
     style = ParagraphStyle(
         "text", fontName=BOLD if bold else FONT, fontSize=size, leading=1.28 * size, textColor=colour,
         alignment=TA_RIGHT if right else TA_LEFT, splitLongWords=1, wordWrap=None,
     )  # fmt: skip
-    return Paragraph(escape(text), style)
+    known = pdfmetrics.getFont(FONT).face.charToGlyph  # what the letters lack is spelt out, as the page has it
+    shown = "".join(c if ord(c) in known else c.encode("unicode_escape").decode() for c in text)
+    return Paragraph(escape(shown), style)
 
 
 def _table(rows: list[list[Any]], widths_mm: list[float], lined: bool = True) -> Any:
@@ -212,10 +215,9 @@ class IssuedCertificate(StrictModel):
 @CERTIFICATES.post("/api/certificates", status_code=201)
 def issue_certificate(body: CertificateRequest, request: Request, context: Context) -> IssuedCertificate:
     """Issue the certificate of a calibration for a use; what it says is frozen."""
-    base = f"http{'s' if is_secure(request) else ''}://{request.url.netloc}{ROOT.get()}"
     context.records.index.refresh(now=True)
     with context.records.index.hold_alone():  # two that are issued at the same moment have two numbers
-        folder, certificate = build_certificate(context, body, base)
+        folder, certificate = build_certificate(context, body, address_here(request))
         return _describe(context, write_certificate(folder, certificate))
 
 
@@ -237,8 +239,10 @@ def get_pdf(number: Number, context: Context) -> Response:
 @CERTIFICATES.post("/api/certificates/{number}/withdrawal")
 def withdraw(number: Number, body: Reason, context: Context) -> IssuedCertificate:
     """Withdraw a certificate with a reason; it stays, and says so."""
-    find_certificate(context, number)
     with context.records.index.hold_alone():
+        found = find_certificate(context, number)
+        if read_certificate_withdrawal(context.records.path(found.certificate.serial), number):
+            raise RecordConflictError(f"the certificate {number} was withdrawn already: {found.fault}")
         withdraw_certificate(context.records.path(number_parts(number)[0]), number, body.withdrawal)
     return find_certificate(context, number)
 
@@ -248,6 +252,11 @@ def show_certificate(number: Number, context: Context) -> HTMLResponse:
     """Show a certificate, and before anything else whether it still holds."""
     found = find_certificate(context, number)
     return render("certificate", found=found, c=found.certificate, simulated=found.certificate.simulated)
+
+
+def address_here(request: Request) -> str:
+    """Return the address under which the service was asked: the code on the sheet leads there."""
+    return f"http{'s' if is_secure(request) else ''}://{request.url.netloc}{ROOT.get()}"
 
 
 def find_certificate(context: ServiceContext, number: str) -> IssuedCertificate:

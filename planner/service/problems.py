@@ -21,7 +21,7 @@ from planner.service.job_folder import UnfinishedJobError
 from planner.service.job_keeping import KeptJobError, QuotaError
 from planner.service.job_store import UnknownJobError
 from planner.service.record_store import RecordConflictError, UnknownRecordError
-from planner.service.session_store import UnknownSessionError
+from planner.service.session_store import EndedSessionError, UnknownSessionError
 
 MEDIA_TYPE = "application/problem+json"
 # codes of HTTP (RFC 9110)
@@ -35,6 +35,7 @@ STATUS: tuple[tuple[type[PlannerError], int], ...] = (
     (UnknownSessionError, 404),
     (UnfinishedJobError, 409),
     (RecordConflictError, 409),
+    (EndedSessionError, 409),
     (ChangedRobotError, 409),
     (UncertifiedError, 409),
     (KeptJobError, 409),

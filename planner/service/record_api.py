@@ -18,7 +18,7 @@ from planner.checks.record import (
     Withdrawal,
     map_to_opcua,
 )
-from planner.common.schema import StrictModel
+from planner.common.schema import ReasonText, StrictModel
 from planner.service.callers import CALLER
 from planner.service.certificate import certificate_numbers
 from planner.service.context import Context, ServiceContext
@@ -48,7 +48,7 @@ EntryNumber = Annotated[int, InPath(ge=1, le=99_999, description="of the entry",
 class Reason(StrictModel):
     """Why something is withdrawn."""
 
-    reason: Annotated[str, Field(min_length=3, max_length=500, examples=["serial number mistyped"])]
+    reason: Annotated[ReasonText, Field(examples=["serial number mistyped"])]
 
     @property
     def withdrawal(self) -> Withdrawal:
@@ -143,7 +143,7 @@ def add_to_record(serial: Serial, request: EntryRequest, context: Context) -> Re
 
 @RECORDS.put("/records/{serial}")
 def begin_record(serial: Serial, request: NewRobot, context: Context) -> RecordHistory:
-    """Begin the record of a robot that was never measured; one that is there stays as it is."""
+    """Begin the record of a robot that was never measured, or bring back a withdrawn one; another stays as it is."""
     return describe_record(context, context.records.begin(serial, request.robot))
 
 

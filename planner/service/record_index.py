@@ -18,7 +18,6 @@ from typing import Literal
 from pydantic import Field
 
 from planner.checks.record import Circumstances, RobotRecord
-from planner.checks.record_changes import latest_day
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel
 from planner.common.system import hold_lock
@@ -107,7 +106,7 @@ class RecordIndex:
             " AND (rank, day, serial) > (:rank, :day, :serial) ORDER BY rank, day, serial LIMIT :most"
         )
         values = {
-            "today": latest_day().isoformat(), "text": wanted.text.lower(), "robot": wanted.robot,
+            "today": date.today().isoformat(), "text": wanted.text.lower(), "robot": wanted.robot,
             "state": wanted.state, "simulated": wanted.simulated, "most": most, "changed": json.dumps([*changed]),
             **_parse_place(after),
         }  # fmt: skip
@@ -121,7 +120,7 @@ class RecordIndex:
         """Return how many robots are in each state today; ``changed`` as of :meth:`list_robots`."""
         self.refresh()
         query = f"SELECT {STATE} AS now, count(*) FROM robots GROUP BY now"
-        values = {"today": latest_day().isoformat(), "changed": json.dumps([*changed])}
+        values = {"today": date.today().isoformat(), "changed": json.dumps([*changed])}
         found = dict(self._db.connection.execute(query, values).fetchall())
         return {state: int(found.get(state, 0)) for state in IN_NEED}
 
@@ -139,6 +138,12 @@ class RecordIndex:
         serial, number, kind, circumstances, simulated = rows[0]
         said = Circumstances.model_validate_json(circumstances)
         return RecordedEntry(serial, number, kind, said, bool(simulated))
+
+    def last_calibration(self, serial: str) -> int:
+        """Return the number of the latest entry of a robot that is a calibration and counts; 0 where none does."""
+        query = "SELECT number FROM recorded WHERE serial = ? AND kind = 'calibration' AND withdrawn = 0"
+        rows = self._db.read(f"{query} ORDER BY place DESC LIMIT 1", serial)
+        return int(rows[0][0]) if rows else 0
 
     def unrecorded_checks(self) -> list[str]:
         """Return the finished checks that are in no record."""
@@ -287,7 +292,7 @@ def _lasting_state(record: RobotRecord) -> RobotState:
 def robot_state(record: RobotRecord) -> RobotState:
     """Return how a robot stands today."""
     state, day = _lasting_state(record), record.next_check
-    return "check due" if state == "good" and day is not None and day < latest_day() else state
+    return "check due" if state == "good" and day is not None and day < date.today() else state
 
 
 def robot_advice(record: RobotRecord) -> str:

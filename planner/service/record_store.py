@@ -61,22 +61,43 @@ class RecordStore:
         return known[1]
 
     def begin(self, serial: str, robot: str) -> RobotRecord:
-        """Make the record of a robot that was never measured; one that is there stays as it is.
+        """Make the record of a robot that was never measured, or bring a withdrawn one back; another stays as it is.
 
         Raises:
-            RecordConflictError: it is there, of another model.
+            RecordConflictError: it is there, of another model, or another serial number differs by case alone.
         """
         with self.index.hold_alone():
-            folder = self._folder / serial
-            if not (folder / "record.toml").is_file():
-                begin_record(folder, serial, robot)
+            if not self._is_there(serial) or self.read(serial).is_mistake:
+                begin_record(self._folder / serial, serial, robot)
                 self.index.read(serial)
-            known = self.read(serial)
-            if known.file.robot != robot:
-                raise RecordConflictError(
-                    f"{serial} is the serial number of a {known.file.robot} here, not of a {robot}"
-                )
-            return known
+            return self.require(serial, robot)
+
+    def require(self, serial: str, robot: str) -> RobotRecord:
+        """Return the record of a robot of a model, to be measured.
+
+        Raises:
+            UnknownRecordError: there is none.
+            RecordConflictError: the serial number was withdrawn, or is of another model.
+        """
+        known = self.read(serial)
+        if known.file.withdrawn is not None and known.is_mistake:
+            reason = known.file.withdrawn.reason
+            raise RecordConflictError(f"the serial number {serial} was withdrawn ({reason}): add the robot again first")
+        if known.file.robot != robot:
+            raise RecordConflictError(f"{serial} is the serial number of a {known.file.robot} here, not of a {robot}")
+        return known
+
+    def _is_there(self, serial: str) -> bool:
+        """Tell whether a serial number has a record.
+
+        Raises:
+            RecordConflictError: it has none, but one that differs by case alone.
+        """
+        names = [p.parent.name for p in self._folder.glob("*/record.toml")]  # Windows would find another case, too
+        twin = next((name for name in names if name.lower() == serial.lower()), None)
+        if twin is not None and serial not in names:
+            raise RecordConflictError(f"there is a robot {twin}: write its serial number as there, not {serial}")
+        return twin is not None
 
     def withdraw(self, serial: str, number: int | None, withdrawal: Withdrawal) -> RobotRecord:
         """Let an entry count no more, or (``None``) a serial number without any; it stays, with the reason.
@@ -117,10 +138,11 @@ class RecordStore:
             if found is None:
                 raise InputError(f"the {job.kind} {job.id} has no result for a record: add a calibration or a check")
             _require_one_robot(serial, self.index.find_entry({found}), judged)
-            folder = self._folder / serial
-            there = (folder / "record.toml").is_file()
+            folder, there = self._folder / serial, self._is_there(serial)
             if not there or found not in [e.file.document_sha256 for e in self.read(serial).valid_entries]:
                 day = None if judged.circumstances is None else judged.circumstances.date
+                if there and job.kind == "check":
+                    _require_latest_calibration(self.read(serial), judged, circumstances)
                 add_entry(folder, Path(draft), circumstances, serial, day)
                 self.index.read(serial)
             return self.read(serial)
@@ -136,6 +158,19 @@ class RecordStore:
             for path in sorted(p for p in folder.rglob("*") if p.is_file()):
                 archive.write(path, Path(serial, path.relative_to(folder)))
         return packed.getvalue()
+
+
+def _require_latest_calibration(record: RobotRecord, judged: RecordedEntry, said: Circumstances) -> None:
+    """Refuse a check by a calibration that a newer one had replaced: it says nothing of the robot as it is since."""
+    before = [
+        e for e in record.valid_entries if e.file.kind == "calibration" and e.file.circumstances.date <= said.date
+    ]
+    if judged.number and before and before[-1].number > judged.number:
+        newer = before[-1]
+        raise InputError(
+            f"it is judged against the calibration of entry {judged.number}, but {record.file.serial} was calibrated "
+            f"anew on {newer.file.circumstances.date} (entry {newer.number}): judge its run by that calibration"
+        )
 
 
 def _require_one_robot(serial: str, known: RecordedEntry, judged: RecordedEntry) -> None:

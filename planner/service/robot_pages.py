@@ -4,14 +4,14 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse
 
 from planner.documents.baseline import NAME as BASELINE
 from planner.model.identification_document import Identification
 from planner.model.use_text import TOOLS, bound_text
 from planner.service.certificate import REGIONS, STATED, certificate_numbers, model_errors
-from planner.service.certificate_api import find_certificate
+from planner.service.certificate_api import address_here, find_certificate
 from planner.service.context import Context, ServiceContext, at_one_moment
 from planner.service.file_api import robot_entries, robot_title
 from planner.service.job_folder import JobId
@@ -103,7 +103,7 @@ def _session_text(context: ServiceContext, session: CellSession) -> str:
 
 @ROBOT_PAGES.get("/jobs/{id}/certificate")
 @at_one_moment
-def show_issue(id: JobId, context: Context) -> HTMLResponse:
+def show_issue(id: JobId, context: Context, request: Request) -> HTMLResponse:
     """The certificates of a calibration, and the form that issues one."""
     job = context.show(id)
     if job.kind != "identification" or job.state != "done":
@@ -122,6 +122,7 @@ def show_issue(id: JobId, context: Context) -> HTMLResponse:
         errors={TOOLS[tool]: (tool, bound_text(bound)) for tool, (bound, _) in model_errors(document).items()},
         regions={k: v for k, v in REGIONS.items() if k != "run" or states_run},
         stated=STATED,
+        address=address_here(request),
     )
 
 

@@ -72,7 +72,8 @@ def begin_session(request: SessionRequest, context: Context) -> SessionEntry:
     job = context.show(request.plan)
     if job.kind not in PLANS or job.state != "done":
         raise HTTPException(422, f"the {job.kind} {job.id} is no finished plan: sessions are of plans")
-    context.records.path(request.serial)  # it has to be known: a mistyped serial number makes no robot
+    # it has to be known, and of the plan's model: a mistyped serial number makes no robot
+    context.records.require(request.serial, read_plan_document(context, job).robot)
     return describe_session(context, context.sessions.begin(job.id, request.serial, CALLER.get().name, request.anew))
 
 
@@ -95,7 +96,7 @@ def get_session(id: SessionId, context: Context) -> SessionEntry:
 @SESSIONS.post("/api/sessions/{id}/ticks")
 def add_ticks(id: SessionId, ticks: TickList, context: Context) -> SessionEntry:
     """Say what was ticked; of each step the latest counts. The answer is what is known then."""
-    context.sessions.merge(id, ticks.ticks, CALLER.get().name or ticks.person.strip())
+    context.sessions.merge(id, ticks.ticks, CALLER.get().name or ticks.person)
     return describe_session(context, context.sessions.get(id))
 
 

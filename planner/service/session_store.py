@@ -12,13 +12,17 @@ from typing import Annotated
 from pydantic import AwareDatetime, Field
 
 from planner.common.errors import InputError
-from planner.common.schema import StrictModel
+from planner.common.schema import Statement, StrictModel
 from planner.service.database import Database
 from planner.service.job_store import UnknownJobError
 
 
 class UnknownSessionError(InputError):
     """A session that somebody names is not there."""
+
+
+class EndedSessionError(InputError):
+    """Something is ticked in a session that was begun again."""
 
 
 class Tick(StrictModel):
@@ -39,7 +43,7 @@ class TickList(StrictModel):
     """What a device has ticked since it last said so."""
 
     ticks: Annotated[list[Tick], Field(max_length=200)]
-    person: Annotated[str, Field(max_length=64)] = Field("", description="who ticks, where nobody has logged in")
+    person: Annotated[Statement, Field(max_length=64)] = Field("", description="who ticks, where nobody has logged in")
 
 
 @dataclass(frozen=True)
@@ -106,16 +110,20 @@ class SessionStore:
 
         Raises:
             UnknownSessionError: there is no such session.
+            EndedSessionError: some were ticked after it had ended; the others are kept.
         """
         now = time.time()
         rows = [(id, t.step, t.done, min(t.at.timestamp(), now), person) for t in ticks]
         with self._db.write() as db:
-            self.get(id)
+            ended = self.get(id).ended
+            kept = [r for r in rows if ended is None or r[3] <= ended]
             db.executemany(
                 "INSERT INTO session_ticks VALUES (?, ?, ?, ?, ?) ON CONFLICT (session, step) DO UPDATE SET"
                 " done = excluded.done, at = excluded.at, person = excluded.person WHERE excluded.at > at",
-                rows,
+                kept,
             )
+        if len(kept) < len(rows):
+            raise EndedSessionError("this session was begun again: go on in the open one of this robot")
 
     def list_ticks(self, id: str) -> list[KnownTick]:
         """Return what is known of a session's checklist."""

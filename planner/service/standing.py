@@ -146,7 +146,8 @@ class Judge:
         for job in self._records.index.unrecorded_checks():
             documents = {i.sha256 for i in self._jobs.get(job).command.inputs if i.name.endswith("identification.json")}
             known = self._records.index.find_entry(documents)
-            latest = self._made_checks(documents)[-1:] if known.serial else []
+            holds = known.serial and known.number == self._records.index.last_calibration(known.serial)
+            latest = self._made_checks(documents)[-1:] if holds else []
             if [c.job for c in latest if not c.check.passed] == [job]:
                 found[known.serial] = latest[0]
         return found

@@ -2,6 +2,7 @@
 
 import io
 import json
+from datetime import datetime, timedelta, timezone
 
 import pytest
 from pypdf import PdfReader
@@ -243,3 +244,76 @@ def test_a_calibration_is_of_one_robot_and_a_mistyped_serial_number_is_withdrawn
     path = "/api/records/KR6-0815/entries/{}/withdrawal"
     codes = [plant.post(path.format(n), json={"reason": "mistyped"}).status_code for n in (1, 405)]
     assert codes == [409, 404], "withdrawn already, and not there"
+
+
+@pytest.mark.parametrize("said", ["a\nb", "\0", "\u202eabc", "x" * 201, "\x1b[31m"])
+def test_what_a_person_states_is_one_line(plant, said):
+    assert issue(plant, place=said).status_code == 422
+    circumstances = {"date": FIRST, "operator": said}
+    body = {"job": SIMULATED, "circumstances": circumstances}
+    assert plant.post("/api/records/SIM-1/entries", json=body).status_code == 422
+    number = issue(plant).json()["certificate"]["number"]
+    for reason in (f"{said} {'x ' * 150}", "   \n"):
+        answer = plant.post(f"/api/certificates/{number}/withdrawal", json={"reason": reason})
+        assert answer.status_code == 422, reason
+
+
+def test_a_statement_has_no_blanks_around_it_and_a_number_is_a_number(plant):
+    c = issue(plant, place="  ", approved_by=" Ada ", u_gauge_mm=-0.0).json()["certificate"]
+    facts = {f["what"]: f["value"] for g in c["groups"] for f in g["facts"]}
+    assert (facts["Place"], facts["Approved by"]) == ("not stated", "Ada")
+    assert {r["what"]: str(r["u_mm"]) for r in c["budget"]}["Gauge's own calibration"] == "0.0"
+    for wrong in (True, "0.1"):
+        assert issue(plant, u_gauge_mm=wrong).status_code == 422, wrong
+
+
+def test_signs_that_the_letters_of_the_sheet_lack_are_spelt_out(plant):
+    number = issue(plant, place="上海 Łódź").json()["certificate"]["number"]
+    assert r"\u4e0a\u6d77 Łódź" in sheet_text(plant, number)
+    assert "上海 Łódź" in plant.get(f"/certificates/{number}").text
+
+
+def test_a_day_counts_where_people_are(plant):
+    """The service may stand in another zone than whoever measures."""
+    east = datetime.now(timezone(timedelta(hours=14))).date()
+    assert add(plant, SIMULATED, east.isoformat(), "SIM-1").status_code == 201
+    assert add(plant, SIMULATED, (east + timedelta(1)).isoformat(), "SIM-2").status_code == 422
+
+
+def test_what_was_withdrawn_is_not_withdrawn_again(plant):
+    number = issue(plant).json()["certificate"]["number"]
+    plant.put("/api/records/KR6-O816", json={"robot": NAME})
+    for path in (f"/api/certificates/{number}/withdrawal", "/api/records/KR6-O816/withdrawal"):
+        codes = [plant.post(path, json={"reason": why}).status_code for why in ("the first", "the second")]
+        assert codes == [200, 409], path
+    assert plant.get(f"/api/certificates/{number}").json()["fault"].startswith("the first")
+
+
+def test_a_serial_number_is_of_one_robot_whatever_its_case(plant):
+    for answer in (plant.put("/api/records/kr6-0815", json={"robot": NAME}), add(plant, SIMULATED, FIRST, "kr6-0815")):
+        assert answer.status_code == 409
+        assert "there is a robot KR6-0815: write its serial number as there" in answer.json()["detail"]
+
+
+def test_a_withdrawn_serial_number_is_brought_back_with_the_right_model(plant):
+    path = "/api/records/SIM-1"
+    assert plant.put(path, json={"robot": "kuka"}).status_code == 200, "a model that nobody has"
+    assert plant.put(path, json={"robot": NAME}).status_code == 409
+    assert plant.post(f"{path}/withdrawal", json={"reason": "wrong model"}).status_code == 200
+    known = plant.put(path, json={"robot": NAME}).json()
+    assert (known["robot"], known["line"]) == (NAME, "never measured")
+    plant.post(f"{path}/withdrawal", json={"reason": "once more"})
+    assert add(plant, SIMULATED, FIRST, "SIM-1").json()["state"] == "good", "an entry brings it back, too"
+
+
+def test_a_check_by_a_calibration_that_was_replaced_says_nothing_of_the_newer(plant):
+    put(plant.store, NEWER, "identification", "identification.json", stated(0.02))
+    add(plant, NEWER, THIRD)
+    number = issue(plant, NEWER).json()["certificate"]["number"]
+    judge(plant.store, CHANGED, 0.03 * DEG, plant.known)
+    assert plant.get("/api/records/KR6-0815").json()["state"] == "good", "before it is recorded"
+    refused = add(plant, CHANGED, LAST)
+    assert refused.status_code == 422
+    assert f"calibrated anew on {THIRD} (entry 2): judge its run by that calibration" in refused.json()["detail"]
+    assert add(plant, CHANGED, SECOND).json()["state"] == "good", "measured before: history"
+    assert plant.get(f"/api/certificates/{number}").json()["holds"]

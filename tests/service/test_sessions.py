@@ -79,3 +79,23 @@ def test_a_store_of_before_keeps_jobs_and_ticks(tmp_path):
     assert (session.serial, sessions.people(session)) == ("", ["wanda"])
     assert [t.step for t in sessions.list_ticks(session.id)] == ["step-1"]
     assert database.read("SELECT * FROM robots") == [], "the records of robots are read anew"
+
+
+def test_a_session_that_was_begun_again_takes_what_was_ticked_before_and_no_more(client):
+    first = begin_session(client, JOB)
+    client.post("/api/sessions", json={"plan": JOB, "serial": "KR6-0815", "anew": True})
+    assert [t["step"] for t in tick(client, first, "step-1", "Ada")["ticks"]] == ["step-1"], "sent late"
+    ticks = [{"step": f"step-{k}", "done": True, "at": f"20{at}-01-01T10:00:00Z"} for k, at in ((2, 26), (3, 60))]
+    refused = client.post(f"/api{first}/ticks", json={"ticks": ticks, "person": "Ada"})
+    assert (refused.status_code, "begun again" in refused.json()["detail"]) == (409, True)
+    assert [t["step"] for t in client.get(f"/api{first}").json()["ticks"]] == ["step-1", "step-2"]
+
+
+def test_a_session_is_of_a_robot_of_the_model_of_its_plan(client):
+    client.put("/api/records/UR-1", json={"robot": "ur10"})
+    refused = client.post("/api/sessions", json={"plan": JOB, "serial": "UR-1"})
+    assert (refused.status_code, "is the serial number of a ur10 here" in refused.json()["detail"]) == (409, True)
+    begin_session(client, JOB, "KR6-O815")
+    client.post("/api/records/KR6-O815/withdrawal", json={"reason": "mistyped"})
+    refused = client.post("/api/sessions", json={"plan": JOB, "serial": "KR6-O815"})
+    assert (refused.status_code, "was withdrawn (mistyped)" in refused.json()["detail"]) == (409, True)

@@ -140,9 +140,9 @@ export const dayText = (time) => [time.getFullYear(), time.getMonth() + 1, time.
 
 export const sizeText = (bytes) => bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`;
 
-/** Tell whether a robot of this serial number is in the records: asked of the list, as what is not there is an error. */
+/** Tell whether a robot of this serial number is in the records and not withdrawn: asked of the list, as what is not there is an error. */
 export async function isKnown(serial) {
-  return (await get(`/api/records?most=1000&q=${encodeURIComponent(serial)}`)).some((robot) => robot.serial === serial);
+  return (await get(`/api/records?most=1000&q=${encodeURIComponent(serial)}`)).some((robot) => robot.serial === serial && robot.state !== "withdrawn");
 }
 
 /** What was typed into the fields of a form that stand for options of a command, by their names. */

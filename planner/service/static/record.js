@@ -10,7 +10,7 @@ export function offerRecord(job) {
     e.target.setCustomValidity(e.target.validity.patternMismatch ? e.target.title : "");
     add.hidden = true;
   });
-  find("#date").value = dayText(new Date());
+  find("#date").value = find("#date").max = dayText(new Date());
   const enter = async (isNew) => {
     const serial = find("#serial").value, temperature = find("#temperature").value, message = find("#record-message");
     const path = `/api/records/${encodeURIComponent(serial)}`;
@@ -20,7 +20,7 @@ export function offerRecord(job) {
       if (!isNew && !(await isKnown(serial))) { // a mistyped serial number makes no robot without a question
         add.textContent = `${serial} is a new robot: add it`;
         add.hidden = false;
-        say(message, `There is no robot ${serial} yet.`);
+        say(message, `There is no robot ${serial} yet, or it was withdrawn.`);
         return;
       }
       await post(`${path}/entries`, { job, circumstances });

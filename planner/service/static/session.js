@@ -43,10 +43,13 @@ async function sync() {
     const path = `/api/sessions/${session}`;
     const answer = await fetch(root + path + (open.length ? "/ticks" : ""), open.length ? { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) } : {});
     if (answer.status === 403) { mayTick = false; tell("You may look, not tick for others: what you tick stays on this device."); return; }
+    if (answer.status === 409) { end(); return; }
     if (answer.status === 401) { tell("Log in to send what is ticked: it is kept on this device."); return; }
     if (!answer.ok) throw new Error(answer.statusText);
     const before = new Map(open.map(([step, t]) => [step, t.at]));
-    for (const { step, ...known } of (await answer.json()).ticks) {
+    const found = await answer.json();
+    if (found.ended) end();
+    for (const { step, ...known } of found.ticks) {
       const own = ticks[step];
       if (!own?.unsent || own.at === before.get(step)) ticks[step] = known; // ticked again meanwhile: that is sent next
     }
@@ -57,12 +60,22 @@ async function sync() {
   finally { sending = false; }
 }
 
+/** Somebody began the session again: what is ticked from now on would be lost. */
+function end() {
+  mayTick = false;
+  find("#ended").hidden = false;
+  for (const box of boxes) box.disabled = true;
+  for (const [step] of unsent()) delete ticks[step];
+  keep();
+  show();
+}
+
 const tell = (text) => { find("#sent").textContent = text; };
 
 for (const box of boxes) {
   box.closest("li").querySelector("label span").append(Object.assign(document.createElement("span"), { className: "ticked hint" }));
   box.addEventListener("change", () => { tick(box, box.checked); keep(); show(); sync(); });
-  box.disabled = false; // not before a tick is kept: one made earlier would be lost
+  box.disabled = !find("#ended").hidden; // not before a tick is kept: one made earlier would be lost
 }
 if (who) {
   who.value = localStorage.getItem("edbb-name") ?? "";

@@ -8,7 +8,7 @@ const begin = async () => { location.href = root + (await post("/api/sessions", 
 async function beginOrAsk() {
   add.hidden = await isKnown(serial());
   if (add.hidden) { await begin(); return; }
-  say(message, `There is no robot ${serial()} yet.`);
+  say(message, `There is no robot ${serial()} yet, or it was withdrawn.`);
   add.textContent = `${serial()} is a new robot: add it`;
 }
 
