@@ -71,6 +71,7 @@ def show_robot(serial: Serial, context: Context) -> HTMLResponse:
         events=_robot_events(context, record),
         standing=None if last is None else context.judge.standing(last),
         model=robot_title(record.robot),
+        cells=next((r.cells for r in robot_entries() if r.name == record.robot), []),
         calibration=last,
         counted=len(counted),
         baseline=last if known else None,

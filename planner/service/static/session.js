@@ -64,6 +64,7 @@ async function sync() {
 function end() {
   mayTick = false;
   find("#ended").hidden = false;
+  find("#again")?.remove();
   for (const box of boxes) box.disabled = true;
   for (const [step] of unsent()) delete ticks[step];
   keep();
