@@ -110,8 +110,9 @@ class PeopleStore:
         """
         name, kept = valid_name(name), self._hash(password)
         with self._db.write() as db:
-            if db.execute("SELECT 1 FROM people WHERE name = ?", (name,)).fetchone():
-                raise InputError(f"{name}: is known already; another password is set by 'edbb serve users passwd'")
+            names = [row["name"] for row in db.execute("SELECT name FROM people")]
+            if twin := next((known for known in names if known.casefold() == name.casefold()), None):
+                raise InputError(f"{twin}: is known already; another password is set by 'edbb serve users passwd'")
             if not same_person and any(db.execute(query, (name,)).fetchone() for query in TRACES):
                 raise InputError(
                     f"{name}: somebody of this name has worked here, and what was done stays under it; give another "

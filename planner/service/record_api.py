@@ -197,7 +197,7 @@ def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHisto
     )
     if changed := context.judge.unrecorded_changes().get(record.file.serial):
         state, advice = "changed", UNRECORDED
-        line = f"changed on {changed.day}{f': {changed.check.cause}' if changed.check.cause else ''}"
+        line = f"changed{f': {changed.check.cause}' if changed.check.cause else ''}"
     history = [
         HistoryEntry(
             number=e.number,

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
 
@@ -63,7 +62,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class JudgedCheck:
-    """A check that counts: ``number`` of its entry in the record, 0 where it is in none yet."""
+    """A check that counts: ``number`` of its entry in the record and its day, 0 and empty where it is in none yet."""
 
     day: str
     check: CheckFile
@@ -82,9 +81,9 @@ def _judge_by(serial: str, checks: Sequence[JudgedCheck]) -> Standing:
     if failed is None:
         return Standing(serial)
     found = "; ".join(filter(None, (failed.check.cause, failed.check.advice)))
-    note = "" if failed.number or not serial else "; this check is not in the record yet"
-    robot = f"robot {serial}" if serial else "robot"
-    return Standing(serial, f"the {robot} has changed: {found} (check of {failed.day}{note})", failed.job)
+    note = f"check of {failed.day}" if failed.number else "its check is not in the record yet"
+    robot, said = (f"robot {serial}", f" ({note})") if serial else ("robot", "")
+    return Standing(serial, f"the {robot} has changed: {found}{said}", failed.job)
 
 
 class Judge:
@@ -153,13 +152,12 @@ class Judge:
         return found
 
     def _made_checks(self, documents: set[str]) -> list[JudgedCheck]:
-        """Return the checks of a calibration by jobs here, but those that were withdrawn; the latest last, days UTC."""
+        """Return the checks of a calibration by jobs here, but those that were withdrawn; the latest last."""
         found, index = [], self._records.index
         for job in [j for d in documents for j in self._jobs.jobs_with("inputs", d, "check")]:
             output = next((o for o in self._jobs.outputs(job.id) if o.name == "check.json"), None)
             if output is None or index.is_withdrawn(output.sha256):
                 continue
             finished, check = job.finished or 0.0, read_check(self._files.path(output.sha256))
-            day = datetime.fromtimestamp(finished, UTC).date().isoformat()
-            found.append(JudgedCheck(day, check, index.find_entry({output.sha256}).number, job.id, finished))
+            found.append(JudgedCheck("", check, index.find_entry({output.sha256}).number, job.id, finished))
         return found

@@ -25,6 +25,7 @@ from planner.service.settings import Role
 from tests.service.conftest import begin_session, client_of, wait_until
 from tests.service.test_browser import CHROMIUM, RULES, SOFTWARE_3D
 from tests.service.test_cluster import free_port
+from tests.service.test_records import FIRST, SOUND, fill
 
 PLAN = Path(__file__).parents[1] / "data" / "kr6-plan"
 PASSWORD, JOB = "correct horse battery", "a" * 24
@@ -304,3 +305,37 @@ def test_a_validation_run_that_is_still_sent_is_not_left_out(service, browser):
             desk.wait_for_timeout(50)
         held[0].continue_()
     assert asked.value.post_data_json["validate_with"]["name"] == "validation.csv"
+
+
+@needs_browser
+@pytest.mark.long
+def test_a_phone_sees_that_somebody_has_begun_its_session_again(service, browser):
+    add_plan(service.folder)
+    service.begin()
+    phone, desk = (open_page(browser, service, None, phone=True) for _ in range(2))
+    desk.goto(open_checklist(phone, JOB))
+    for _ in range(2):
+        desk.click("#again")
+    desk.wait_for_url(lambda url: url != phone.url)
+    phone.click("#step-1")
+    expect(phone.locator("#ended")).to_contain_text("This session was begun again")
+    expect(phone.locator("#step-1")).not_to_be_checked()
+    expect(phone.locator("#step-2")).to_be_disabled()
+    phone.click("#ended a")
+    phone.click("text=To the checklist")
+    phone.wait_for_url(desk.url)
+
+
+@needs_browser
+@pytest.mark.long
+def test_a_day_that_is_typed_before_the_script_is_there_stays(service, browser):
+    fill(service.folder)
+    service.begin()
+    page, held = open_page(browser, service, None, phone=False), []
+    page.route("**/record.js*", lambda route: held.append(route), times=1)
+    page.goto(f"/jobs/{SOUND}", wait_until="commit")
+    page.fill("#date", FIRST)
+    while not held:
+        page.wait_for_timeout(50)
+    held[0].continue_()
+    expect(page.locator("#date[max]")).to_have_value(FIRST)

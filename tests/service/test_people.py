@@ -389,6 +389,8 @@ def test_a_name_is_never_used_twice_for_other_people(plant):
     with pytest.raises(InputError, match="somebody of this name has worked here"):
         plant.people.add("berta", Role.WORK, None)
     plant.people.add("berta", Role.WORK, None, same_person=True)
+    with pytest.raises(InputError, match="berta: is known already"):
+        plant.people.add("Berta", Role.WORK, None)
     plant.people.remove("berta")
 
 

@@ -10,7 +10,9 @@ export function offerRecord(job) {
     e.target.setCustomValidity(e.target.validity.patternMismatch ? e.target.title : "");
     add.hidden = true;
   });
-  find("#date").value = find("#date").max = dayText(new Date());
+  const day = find("#date");
+  day.max = dayText(new Date());
+  day.value ||= day.max; // a person may have been quicker than this script
   const enter = async (isNew) => {
     const serial = find("#serial").value, temperature = find("#temperature").value, message = find("#record-message");
     const path = `/api/records/${encodeURIComponent(serial)}`;

@@ -79,7 +79,7 @@ for (const box of boxes) {
   box.disabled = !find("#ended").hidden; // not before a tick is kept: one made earlier would be lost
 }
 if (who) {
-  who.value = localStorage.getItem("edbb-name") ?? "";
+  who.value ||= localStorage.getItem("edbb-name") ?? "";
   who.addEventListener("input", () => localStorage.setItem("edbb-name", who.value));
 }
 // asked first: the others of this session stand at the cell too
