@@ -92,7 +92,9 @@ def _robot_events(context: ServiceContext, record: RecordHistory) -> list[RobotE
     wanted = JobFilter("compensation", "done", text=record.serial)
     for job in context.describe_all(context.jobs.list_jobs(wanted)):
         if job.serial == record.serial:
-            found.append(RobotEvent(job.created, "corrected program", f"/jobs/{job.id}", f"{job.title}: {job.verdict}"))
+            despite = ", although the robot had changed" if job.request.get("despite_change") else ""
+            text = f"{job.title}: {job.verdict}{despite}"
+            found.append(RobotEvent(job.created, "corrected program", f"/jobs/{job.id}", text))
     return sorted(found, key=lambda e: e.at, reverse=True)
 
 

@@ -186,7 +186,7 @@ def test_two_people_walk_from_a_serial_number_to_a_withdrawn_certificate(service
     correct(desk, calibration, tmp_path, despite=True)
     check_page(desk, "walk-correction-despite")
     desk.goto(f"/robots/{SERIAL}")
-    for said in ("session", "corrected program", f"{SERIAL}-C01", "has changed"):
+    for said in ("session", "corrected program", "although the robot had changed", f"{SERIAL}-C01", "has changed"):
         expect(desk.locator("main")).to_contain_text(said)
     check_page(desk, "walk-robot")
     desk.goto("/jobs?q=kr6-0815")
