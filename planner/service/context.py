@@ -224,21 +224,17 @@ class ServiceContext:
 
     def _calibration(self, job: Job) -> str | None:
         """Return the identification that a job is, or whose robot it corrects for."""
-        return (
-            job.id if job.kind == "identification" else job.request.get("model") if job.kind == "compensation" else None
-        )
+        return {"identification": job.id, "compensation": job.request.get("model")}.get(job.kind)
 
     def _add_findings(self, jobs: list[Job]) -> list[Job]:
         """Return jobs with what each has found, of which robot it is and who has asked for it."""
         serials, people = (find([j.id for j in jobs]) for find in (self.jobs.serials_of, self.jobs.people_of))
         out = []
         for job in jobs:
-            verdict, known = (
-                self.judge.verdict(job),
-                {"serial": serials.get(job.id, ""), "people": people.get(job.id, [])},
-            )
-            said = {} if verdict is None else {"verdict": verdict.words, "sense": verdict.sense}
-            out.append(job.model_copy(update=known | said))
+            found = {"serial": serials.get(job.id, ""), "people": people.get(job.id, [])}
+            if verdict := self.judge.verdict(job):
+                found |= {"verdict": verdict.words, "sense": verdict.sense}
+            out.append(job.model_copy(update=found))
         return out
 
     def show(self, id: str) -> Job:

@@ -130,7 +130,7 @@ def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
 @at_one_moment
 def show_job(id: JobId, context: Context) -> HTMLResponse:
     """A job: its progress, and its result once it has one."""
-    job = _job(context, id)
+    job = context.show(id)
     document = REQUESTS[job.kind].document
     if job.state == "done" and document and document not in {f.name for f in job.files}:
         return _show_any(context, job)
@@ -206,7 +206,7 @@ def _show_calibration(context: ServiceContext, job: Job) -> HTMLResponse:
 @at_one_moment
 def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse:
     """Two finished plans side by side: their figures, and their charts in pairs."""
-    jobs = [_job(context, id) for id in (first, second)]
+    jobs = [context.show(id) for id in (first, second)]
     if any(j.kind not in PLANS or j.state != "done" for j in jobs):
         return render("problem", 404, detail="Only two finished plans can be compared.")
     plans = [read_plan_document(context, j) for j in jobs]
@@ -223,7 +223,7 @@ def show_calibrate(context: Context, plan: JobId | None = None, serial: SerialQu
     """The form that takes the log of a run."""
     latest = [p for kind in PLANS for p in _plans(context, kind)]
     if plan is not None and plan not in {p.id for p in latest}:
-        latest.insert(0, _job(context, plan))  # however old it is, its page has led here
+        latest.insert(0, context.show(plan))  # however old it is, its page has led here
     planned = [(p, _plan_header(context, p)) for p in latest if p.kind in PLANS and p.state == "done"]
     rows = [
         PlanChoice(p, h.plan_id, p.kind == "check-plan", find_calibration(context, p.id))
@@ -330,7 +330,3 @@ SHOWN = {
     "compensation": _show_correction,
 }
 """How jobs of a kind are shown that are more than their files."""
-
-
-def _job(context: ServiceContext, id: str) -> Job:
-    return context.show(id)

@@ -189,12 +189,8 @@ def find_calibration(context: ServiceContext, id: str) -> str | None:
 def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHistory:
     """Return a record as the interface shows it."""
     jobs = context.jobs.jobs_by_output([e.file.document_sha256 for e in record.entries])
-    moved, state, line, advice = (
-        list(record.differences()),
-        robot_state(record),
-        state_line(record),
-        robot_advice(record),
-    )
+    moved = list(record.differences())
+    state, line, advice = robot_state(record), state_line(record), robot_advice(record)
     if changed := context.judge.unrecorded_changes().get(record.file.serial):
         state, advice = "changed", UNRECORDED
         line = f"changed{f': {changed.check.cause}' if changed.check.cause else ''}"

@@ -222,18 +222,10 @@ class RecordIndex:
         except InputError as err:
             row: tuple[object, ...] = (serial, "", "damaged", str(err), None, "", 0, 0, stamp)
         else:
-            recorded = [
-                (
-                    serial,
-                    k,
-                    e.file.document_sha256,
-                    e.file.circumstances.model_dump_json(),
-                    int(e.withdrawn is not None),
-                    e.number,
-                    e.file.kind,
-                )
-                for k, e in enumerate(record.entries)
-            ]
+            for k, e in enumerate(record.entries):
+                said = e.file.circumstances.model_dump_json()
+                withdrawn = int(e.withdrawn is not None)
+                recorded.append((serial, k, e.file.document_sha256, said, withdrawn, e.number, e.file.kind))
             due = None if record.next_check is None else record.next_check.isoformat()
             row = (
                 serial, record.file.robot, _lasting_state(record), robot_advice(record), due, record.due_text,

@@ -97,9 +97,8 @@ class Judge:
         if job.state != "done":
             return None
         if job.kind == "compensation":
-            return (
-                Verdict("corrected in part", "open") if job.exit_code == PARTLY_DONE else Verdict("corrected", "good")
-            )
+            is_part = job.exit_code == PARTLY_DONE
+            return Verdict("corrected in part", "open") if is_part else Verdict("corrected", "good")
         found = next((f for f in job.files if f.name in DOCUMENTS), None)
         return None if found is None else _judge(self._files.path(found.sha256), found.name)
 
