@@ -30,6 +30,7 @@ from tests.service.test_records import (
     add,
 )
 
+pytestmark = pytest.mark.slow
 TWIN, PLAN, NEWER, LATER = "1" * 24, "d" * 24, "2" * 24, "3" * 24
 CHECK = ("check", "run.csv", "--model", "calibrated")
 WITHIN, WITHIN_ANOTHER = 0.82, 3.1  # mm
@@ -88,7 +89,6 @@ def sheet_text(client, number):
     return " ".join(pages[0].extract_text().split())
 
 
-@pytest.mark.slow
 def test_a_certificate_claims_what_the_calibration_page_says_and_names_the_rest(plant):
     made = issue(plant, u_gauge_mm=0.1, place="Hall 7").json()
     c = made["certificate"]
@@ -105,7 +105,6 @@ def test_a_certificate_claims_what_the_calibration_page_says_and_names_the_rest(
         assert issue(plant, **wrong).status_code == 422, wrong
 
 
-@pytest.mark.slow
 def test_a_certificate_is_frozen_and_its_sheet_is_whole(plant):
     long = "Bar 0815 of the metrology laboratory, third drawer, with the long extension"
     body = {"date": SECOND, "operator": "Wanda Weber", "tool": "gripper 4 with adapter", "gauge": long}
@@ -138,7 +137,6 @@ def test_a_certificate_is_frozen_and_its_sheet_is_whole(plant):
     assert "is not what was issued" in refused.json()["detail"]
 
 
-@pytest.mark.slow
 def test_a_simulated_calibration_says_so_across_the_sheet(plant):
     assert issue(plant, SIMULATED).status_code == 409, "of no robot yet"
     add(plant, SIMULATED, FIRST, "SIM-1")
@@ -148,7 +146,6 @@ def test_a_simulated_calibration_says_so_across_the_sheet(plant):
     assert "Simulated: no certificate" in text
 
 
-@pytest.mark.slow
 def test_a_failed_check_binds_before_anybody_records_it(plant):
     number = issue(plant).json()["certificate"]["number"]
     judge(plant.store, SOUND, 0.0, plant.known)
@@ -204,7 +201,6 @@ def test_a_failed_check_binds_before_anybody_records_it(plant):
     assert not plant.get(f"/api/jobs/{CALIBRATED}").json()["fault"]
 
 
-@pytest.mark.slow
 def test_a_newer_calibration_and_a_person_withdraw_a_certificate(plant):
     first, second = (issue(plant).json()["certificate"]["number"] for _ in range(2))
     said = plant.post(f"/api/certificates/{first}/withdrawal", json={"reason": "wrong place"}).json()
@@ -219,7 +215,6 @@ def test_a_newer_calibration_and_a_person_withdraw_a_certificate(plant):
     assert page.index("KR6-0815-C03") < page.index("KR6-0815-C01")
 
 
-@pytest.mark.slow
 def test_a_calibration_is_of_one_robot_and_a_mistyped_serial_number_is_withdrawn(plant):
     refused = add(plant, CALIBRATED, FIRST, "KR6-O815")
     assert refused.status_code == 422
