@@ -81,6 +81,7 @@ def test_a_store_of_before_keeps_jobs_and_ticks(tmp_path):
     assert database.read("SELECT * FROM robots") == [], "the records of robots are read anew"
 
 
+@pytest.mark.slow
 def test_a_session_that_was_begun_again_takes_what_was_ticked_before_and_no_more(client):
     first = begin_session(client, JOB)
     client.post("/api/sessions", json={"plan": JOB, "serial": "KR6-0815", "anew": True})
@@ -91,6 +92,7 @@ def test_a_session_that_was_begun_again_takes_what_was_ticked_before_and_no_more
     assert [t["step"] for t in client.get(f"/api{first}").json()["ticks"]] == ["step-1", "step-2"]
 
 
+@pytest.mark.slow
 def test_a_session_is_of_a_robot_of_the_model_of_its_plan(client):
     client.put("/api/records/UR-1", json={"robot": "ur10"})
     refused = client.post("/api/sessions", json={"plan": JOB, "serial": "UR-1"})
