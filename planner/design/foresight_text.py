@@ -45,8 +45,8 @@ def describe_forecast(expected: ErrorForecast) -> str:
 
 
 def describe_goal(expected: BayesianDesign) -> str:
-    """Say how many robots of a hundred are below the goal after the poses; empty where nobody has asked for one."""
+    """Say how sure it is that a robot is below the goal after the poses; empty where nobody has asked for one."""
     if expected.until is None or expected.share_below is None:
         return ""
     below = min(int(100 * expected.share_below), 99)
-    return f"{float(to_mm(expected.until)):.3g} mm: {below} of 100 such robots are expected to be below it then"
+    return f"{float(to_mm(expected.until)):.3g} mm: {below} % sure that a robot of this kind is below it then"

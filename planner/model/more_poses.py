@@ -24,6 +24,6 @@ class MorePoses(DocumentSection):
         """What a person at the cell is told."""
         minutes = "" if self.minutes is None else f", about {self.minutes:.0f} min,"
         return (
-            f"{self.poses} more poses{minutes} would bring it to {1e3 * self.anywhere:.3f} mm (95 % below "
+            f"{self.poses} more poses{minutes} would bring it to {1e3 * self.anywhere:.3f} mm (95 % sure below "
             f"{1e3 * self.at_most:.3f} mm)"
         )

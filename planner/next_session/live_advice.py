@@ -104,7 +104,9 @@ class LiveAdvice:
 
     def _words(self, stands: Progress) -> str:
         """Say it in one sentence; minutes are those that the poses took so far."""
-        said = f"error {float(to_mm(stands.error)):.3f} mm expected, 95 % below {float(to_mm(stands.at_most)):.3f} mm"
+        said = (
+            f"error {float(to_mm(stands.error)):.3f} mm expected, 95 % sure below {float(to_mm(stands.at_most)):.3f} mm"
+        )
         # 5.0: standard deviations from what was expected of a reading: the pose or the zero is wrong
         if stands.surprise > 5.0 and len(self.estimate.read) > self.fewest_poses:
             said += f"; this reading is {stands.surprise:.0f} sigma from what was expected: read it again"
@@ -122,7 +124,7 @@ class LiveAdvice:
         lasting = f"about {minutes:.0f} min" if round(minutes) else "less than a minute"
         more = f"{poses}, {lasting}, would bring {float(to_mm(stands.then)):.3f} mm"
         if stands.more is None:
-            limit = f"95 % below {float(to_mm(stands.then_at_most)):.3f} mm"
+            limit = f"95 % sure below {float(to_mm(stands.then_at_most)):.3f} mm"
             return f"{said}; {more}, {limit} and not {goal}: then {further}"
         return f"{said}; {more}"
 

@@ -124,7 +124,7 @@ def test_without_a_goal_every_ball_is_centred(bench, tmp_path):
     few = replace_plan(bench, 4)
     done = centred(few, tmp_path)
     assert done.journal.measured_ids == {1, 2, 3, 4}
-    assert all("95 % below" in line for line in done.said)
+    assert all("95 % sure below" in line for line in done.said)
 
 
 def replace_plan(bench, count):

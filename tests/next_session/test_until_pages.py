@@ -99,7 +99,7 @@ def test_pose_by_pose_with_a_draw_wire(tmp_path, monkeypatch):
     done = edbb(*(goal if w == "0.2" else w for w in read))
     gauge.on = False
     assert done.returncode == 0, done.stderr
-    assert "mm expected, 95 % below" in done.screen
+    assert "mm expected, 95 % sure below" in done.screen
     assert f": {goal} mm is reached" in done.screen
     assert "drive on, the goal is reached" in done.screen
     assert Path("run.progress.csv").is_file()

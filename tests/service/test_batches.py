@@ -62,9 +62,10 @@ def session(tmp_path_factory):
 
 def stated(page):
     """What a page says: error now and its limit, further poses with their minutes, error then and its limit [mm]."""
-    now = re.search(r"<b>([\d.]+) mm</b> expected error of the tool.*?95 % below ([\d.]+) mm", page)
+    now = re.search(r"<b>([\d.]+) mm</b> expected error of the tool.*?95 % sure below ([\d.]+) mm", page)
     more = re.search(
-        r'<p id="more">(\d+) more poses, about (\d+) min, would bring it to ([\d.]+) mm \(95 % below ([\d.]+)', page
+        r'<p id="more">(\d+) more poses, about (\d+) min, would bring it to ([\d.]+) mm \(95 % sure below ([\d.]+)',
+        page,
     )
     return [float(v) for v in (*now.groups(), *more.groups())]
 

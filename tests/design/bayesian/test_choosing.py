@@ -199,7 +199,7 @@ def test_a_goal_is_told_with_its_chance_after_the_poses_as_they_are_driven(kuka,
         driven = replace(expected, until=goal).with_driven_poses(samples, lambda poses: poses / 2)
         below = (errors <= goal).mean()
         assert driven.share_below == pytest.approx(below, abs=0.02)
-        assert f"{1e3 * goal:.3g} mm: {int(100 * driven.share_below)} of 100 such robots" in describe_goal(driven)
+        assert f"{1e3 * goal:.3g} mm: {int(100 * driven.share_below)} % sure" in describe_goal(driven)
     assert describe_goal(expected.with_driven_poses(samples, lambda poses: poses / 2)) == ""
 
 
