@@ -19,12 +19,18 @@ def usual_uses_text(within: float) -> str:
     """Say for which usual uses it is enough that targets are within so much [m]; docs/commands/identify.md has why."""
     needs = {"handling": 1.0, "arc welding": 0.5, "drilling": 0.2}  # [mm] that such uses mostly allow
     mm = float(to_mm(within))
-    enough = [f"{use} ({allowed:g} mm)" for use, allowed in needs.items() if mm <= allowed]
-    others = [f"{use} ({allowed:g} mm)" for use, allowed in needs.items() if mm > allowed]
+    named = {use: f"{use} ({allowed:g} mm)" for use, allowed in needs.items()}
+    enough = [named[use] for use, allowed in needs.items() if mm <= allowed]
+    others = [use for use, allowed in needs.items() if mm > allowed]
+    nearly = 1.2  # times what is allowed: needs of a use are known no better
     if not enough:
-        return f"Not enough for usual {others[0]}."
+        return f"{'Nearly' if mm <= nearly * needs[others[0]] else 'Not'} enough for usual {named[others[0]]}."
     listed = " and ".join(filter(None, (", ".join(enough[:-1]), enough[-1])))
-    return f"Enough for usual {listed}{f', not for {others[0]}' if others else ''}."
+    if not others:
+        return f"Enough for usual {listed}."
+    return (
+        f"Enough for usual {listed}, {'nearly' if mm <= nearly * needs[others[0]] else 'not'} for {named[others[0]]}."
+    )
 
 
 def ask_for_tolerance(where: str) -> str:

@@ -231,8 +231,8 @@ class RemainingErrors:
         """Say what the session would leave [m], written and as a limit [mm], without a stop."""
         return (
             f"the tool's error {self.where}, {to_mm(self.untraced_error):.3f} mm as stated now (95 % sure below "
-            f"{to_mm(self.limit_before):.3f} mm), is expected to be {left_mm} mm (95 % sure below "
-            f"{at_most_mm} mm) once this session is identified with the earlier runs"
+            f"{to_mm(self.limit_before):.3f} mm), will be about {left_mm} mm (95 % sure below "
+            f"{at_most_mm} mm) once this session is identified with earlier ones"
         )
 
     @cached_property

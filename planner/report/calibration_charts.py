@@ -242,7 +242,7 @@ def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
         )
         for title, label, field in (("before", "height (mm)", fields[0]), ("after", "", fields[1]))
     )
-    caption = f"Error (mm), 95 % sure below, with {TOOLS[which]}. Dots: measured poses."
+    caption = f"Error (mm) at each place, 95 % sure, with {TOOLS[which]}. Dots: measured poses."
     return Chart("expected_error", "Error over the workspace", caption, panels, columns=2)
 
 

@@ -19,7 +19,7 @@ from planner.report.cell_view import CellView
 from planner.report.chart import Chart
 from planner.report.formatting import count_text, digits, duration_text
 from planner.report.scene import pack_scene
-from planner.report.still_view import still_view
+from planner.report.still_view import still_legend, still_view
 from planner.report.svg_backend import chart_html
 
 Row = tuple[str, ...]
@@ -108,6 +108,7 @@ class Report:
             hand_edits=self.hand_edits,
             drawn=lambda chart: left.pop(chart.name),
             still="" if self.view is None else still_view(self.view),
+            legend=() if self.view is None else still_legend(self.view),
             scene="" if self.view is None else _safe_json(pack_scene(self.view).model_dump_json(exclude_none=True)),
             **({} if self.view is None else _view_scripts()),
         )

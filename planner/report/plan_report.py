@@ -55,6 +55,7 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
         "about": f"{_cell_name(plan)}{plan.cell.gauge.describe(plan.cell)}",
         "verdict": _verdict(plan, forecast),
         "drive": _drive_text(plan),
+        "first_drive": _first_drive_text(plan),
         "unseen": _unseen(plan),
         "steps": mounting_steps(plan),
         "drawings": mounting_drawings(plan),
@@ -90,7 +91,7 @@ def _drive_text(plan: Plan) -> str:
     poses = f"{number_of(len(plan.choice.q), 'pose')}{f', {more}' if more else ''}"
     _, gap, proven = text.clearance_fact([v for d in plan.drives for v in d.verdicts], plan.cell)
     path = f"The nominal robot collides nowhere on the path: nearest bodies {gap} apart, {proven}."
-    return f"{minutes:.0f} minutes of driving, {poses}. {path}{_first_drive_text(plan)}"
+    return f"{minutes:.0f} minutes of driving, {poses}. {path}"
 
 
 def _first_drive_text(plan: Plan) -> str:
@@ -101,7 +102,7 @@ def _first_drive_text(plan: Plan) -> str:
     if off < min(d.clearance for d in plan.drives):
         return ""
     return (
-        f" Uncalibrated, robot and fixture may be off by {bound_text(off)}: the first drive may collide. Drive it "
+        f"Uncalibrated, robot and fixture may be off by {bound_text(off)}: the first drive may collide. Drive it "
         "slowly, with a hand on the stop."
     )
 

@@ -116,6 +116,13 @@ def still_view(view: CellView) -> str:
     return f"<svg {box}>{image}{_axes(view, camera)}</svg>"
 
 
+def still_legend(view: CellView) -> tuple[tuple[str, str], ...]:
+    """Return what the balls of the picture mean, and the surfaces about the fixture, with their colours."""
+    roles = [spot.role for spot in view.spots]
+    poses = [(f"{roles.count(role)} {role}", colour) for role, colour in SPOTS.items() if role in roles]
+    return (*poses, *([(f"reach of the {view.noun}", REACH)] if view.shells else []))
+
+
 def _cover_mesh(canvas: _Canvas, mesh: Mesh, colours: tuple[str, ...]) -> None:
     lit = 255 * lit_colours(mesh, colours)
     for points, of in _surface_points(canvas.camera, mesh):

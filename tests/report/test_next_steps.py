@@ -67,6 +67,8 @@ def test_a_run_that_leaves_more_than_its_plan_says_why(unseen, parts, why):
         (0.2e-3, "Enough for usual handling (1 mm), arc welding (0.5 mm) and drilling (0.2 mm)."),
         (0.47e-3, "Enough for usual handling (1 mm) and arc welding (0.5 mm), not for drilling (0.2 mm)."),
         (0.84e-3, "Enough for usual handling (1 mm), not for arc welding (0.5 mm)."),
+        (0.56e-3, "Enough for usual handling (1 mm), nearly for arc welding (0.5 mm)."),
+        (1.1e-3, "Nearly enough for usual handling (1 mm)."),
         (1.5e-3, "Not enough for usual handling (1 mm)."),
     ],
 )

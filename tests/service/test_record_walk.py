@@ -100,7 +100,7 @@ def calibrate(phone, folder):
     phone.fill("#tolerance", "0.5")
     phone.uncheck("#trace")
     phone.click("#identify")
-    calibration = ended_page(phone, "#report .big")
+    calibration = ended_page(phone, "#report h1")
     expect(phone.locator("#report h1")).to_contain_text("0.5 mm")
     assert phone.input_value("#serial") in ("", SERIAL)
     record(phone, MISTYPED, MONTH_AGO, True, operator="Wanda", gauge="bar 4711")
