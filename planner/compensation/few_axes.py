@@ -3,12 +3,13 @@
 Such an arm cannot bring its tool to every pose near one that it reaches: an SO-101 has four axes that move its tool in
 one plane, so that a skewed calibrated arm tilts it out of that plane and no joint takes that back. What is solved is
 
-    minimise  |W Rᵀ φ(q)|²   over the joint angles q that have   x(q) = x*
+    minimise  w² |x(q) - x*|² + |W Rᵀ φ(q)|² + h² |q - q0|²   over joint angles q within their bounds
 
 with the tool point x [m], its goal x*, and the rotation vector φ [rad] from the tool to its goal R. W weighs the tilt
-of the tool's axis (x and y of the tool) and the turn about it (z). Gauss–Newton steps in the null space of the
-constraint (Nocedal & Wright, Numerical Optimization, 2nd ed., sec. 15.3, with the objective linearised). Where that
-asks a joint for more than a correction may, |q - q0|² is added with growing weight, until only the place is left.
+of the tool's axis (x and y of the tool) and the turn about it (z). The weight w of the place is so large that no turn
+moves it by more than a program prints; h decides only where neither counts. Bounds are the joints' limits, and how far
+a correction may move a joint. The steps are those of Levenberg and Marquardt (Nocedal & Wright, Numerical Optimization,
+2nd ed., sec. 10.3): the cost falls with each, so two computers that round differently end at the same angles.
 """
 
 from dataclasses import dataclass
@@ -16,17 +17,9 @@ from typing import Protocol
 
 import numpy as np
 
-from planner.common.determinism import Positions
 from planner.common.units import DEG, MM, Array, read_only
-from planner.compensation.tolerances import (
-    JACOBIAN_STEP,
-    LARGEST_STEP,
-    LOST_TRAVEL_SHARE,
-    LOST_TURN_SHARE,
-    POINT_REACHED,
-    SOLVED,
-)
-from planner.kinematics.inverse_kinematics import rotation_between, shorten, solve_ik
+from planner.compensation.tolerances import JACOBIAN_STEP, MOVE_WEIGHT, PLACE_WEIGHTS, SOLVED
+from planner.kinematics.inverse_kinematics import rotation_between
 from planner.kinematics.robot import Robot
 
 FULL_AXES = 6  # with fewer an arm cannot bring its tool to every pose near one that it reaches
@@ -75,6 +68,10 @@ class ToolGoal:
     def rows(self, at: np.ndarray) -> "ToolGoal":
         """Return those of the targets ``at``."""
         return ToolGoal(self.T_FT[at], self.x[at], self.R[at])
+
+    def distance(self, poser: FlangeSource, q: Array) -> Array:
+        """Return how far the tool points of ``poser`` at q (n, N) [rad] are away, (n,) [m]."""
+        return np.asarray(np.linalg.norm(self.missing_motion(poser, q)[0], axis=1))
 
     def missing_motion(self, poser: FlangeSource, q: Array) -> tuple[Array, Array]:
         """Return the motion still needed at q (n, N) [rad]: travel (n, 3) [m, base] and turn (n, 3) [rad, tool]."""
@@ -167,8 +164,8 @@ def solve_few_axes(
 ) -> Array:
     """Return angles (n, N) [rad] at which the tool stands where it ought to, turned as nearly as the arm can.
 
-    A joint that would leave its limits is held at its limit, and the others take the place as well as they can. Where
-    the place asks a joint for more than ``farthest`` it is held there in the same way: the tool comes nearer.
+    No joint leaves its limits or moves by more than ``farthest``: where the place asks for that, the tool comes as near
+    as it can.
 
     Args:
         robot: the limits.
@@ -178,98 +175,78 @@ def solve_few_axes(
         weights: of the turns.
         farthest: that a joint may move [rad].
     """
-    within = robot.q_lower, robot.q_upper
     room = farthest * (1 - 1e-9)  # so that rounding does not make it more
-    near = np.maximum(within[0], start - room), np.minimum(within[1], start + room)
-    q, rows, error = start.copy(), np.arange(len(start)), np.full(len(start), np.inf)
-    # ((1.0, 0.0), (1.0, 0.1), (1.0, 0.3), (0.0, 1.0)): parts of what the turns and the joints' own moves count
-    tries = ((1.0, 0.0, within), (1.0, 0.1, within), (1.0, 0.3, within), (0.0, 1.0, within), (0.0, 1.0, near))
-    for turns, hold, box in tries:
-        row = np.append(turns * weights.row, hold)
-        low, high = (np.broadcast_to(end, start.shape)[rows] for end in box)
-        tried = _solve_within(low, high, _Search(poser, goal.rows(rows), row, start[rows]))
-        off = np.linalg.norm(goal.rows(rows).missing_motion(poser, tried)[0], axis=1)
-        moved = np.abs(tried - start[rows]).max(axis=1, initial=0.0)
-        better = np.where(moved <= farthest, off, np.inf) < error[rows]
-        q[rows[better]], error[rows[better]] = tried[better], off[better]
-        rows = rows[error[rows] > POINT_REACHED]
-        if not rows.size:
-            break
-    farther = error > np.linalg.norm(goal.missing_motion(poser, start)[0], axis=1)
+    low, high = np.maximum(robot.q_lower, start - room), np.minimum(robot.q_upper, start + room)
+    q = np.clip(start, low, high)
+    for place in PLACE_WEIGHTS:  # the first lets the tool turn while it is still off its place
+        q = _descend(_Search(poser, goal, np.r_[[place] * 3, weights.row], start, low, high), q)
+    farther = goal.distance(poser, q) > goal.distance(poser, start)
     q[farther] = start[farther]
     return q
 
 
 @dataclass(frozen=True)
 class _Search:
-    """What is searched for: tools of ``poser`` at ``goal``, near ``start`` (n, N) [rad].
+    """What is searched for: tools of ``poser`` at ``goal``, near ``start`` (n, N) [rad] and within low and high.
 
-    ``row`` (4,): weights of the three turns in the tool's frame, and of the joints' moves.
+    ``row`` (6,): what a travel counts [1/m], and what a turn [1/rad].
     """
 
     poser: FlangeSource
     goal: ToolGoal
     row: Array
     start: Array
+    low: Array
+    high: Array
 
     def rows(self, at: np.ndarray) -> "_Search":
         """Return the search of the targets at some rows."""
-        return _Search(self.poser, self.goal.rows(at), self.row, self.start[at])
+        return _Search(self.poser, self.goal.rows(at), self.row, self.start[at], self.low[at], self.high[at])
 
-    def solve(self, q: Array, free: np.ndarray) -> Array:
-        """Step from q (n, N) until the steps have died away; joints that are not ``free`` (n, N) stay."""
+    def missing(self, q: Array) -> Array:
+        """Return what is missing at q (n, N) [rad], weighted, and the joints' moves, (n, 6 + N)."""
+        motion = np.concatenate(self.goal.missing_motion(self.poser, q), axis=1)
+        return np.concatenate([motion * self.row, MOVE_WEIGHT * (self.start - q)], axis=1)
 
-        def task(q: Array, rows: Positions) -> tuple[Array, Array]:
-            """Return the step of each target from q (m, N); without a Jacobian, as the step is solved for already."""
-            return self.rows(np.asarray(rows)).step(q, free[rows]), np.empty((len(q), 0, 0))
-
-        # 30: iterations: what is left of the turns makes the steps shrink by a factor of about ten each
-        return solve_ik(task, q, step=lambda _, step: step, iterations=30, tolerance=SOLVED).best
-
-    def step(self, q: Array, free: np.ndarray) -> Array:
-        """Return the next change of the joints (n, N) [rad]: towards position, in its null space orientation."""
+    def slopes(self, q: Array) -> Array:
+        """Return what a move of the joints takes up of it, (n, 6 + N, N), by central differences."""
         n, N = q.shape
-        travel, turn = self.goal.missing_motion(self.poser, q)
-        J_x, J_turn = _jacobians(self.poser, q, self.goal)
-        J_x, J_turn = J_x * free[:, None, :], J_turn * free[:, None, :] * self.row[:3, None]
-        back = np.linalg.pinv(J_x, rcond=LOST_TRAVEL_SHARE)
-        first = np.einsum("nij,nj->ni", back, travel)
-        still = (np.eye(N) - back @ J_x) * free[:, :, None]
-        hold = self.row[3] * np.broadcast_to(np.eye(N), (n, N, N))
-        J = np.concatenate([J_turn, hold], axis=1)
-        wanted = np.concatenate([turn * self.row[:3], self.row[3] * (self.start - q)], axis=1)
-        wanted = wanted - np.einsum("nij,nj->ni", J, first)
-        second = np.einsum("nij,nj->ni", np.linalg.pinv(J @ still, rcond=LOST_TURN_SHARE), wanted)
-        step = (first + np.einsum("nij,nj->ni", still, second)) * free
-        return shorten(step, np.abs(step).max(axis=1), LARGEST_STEP)
+        shift = JACOBIAN_STEP * np.eye(N)
+        both = (q[:, None, None, :] + np.stack([-shift, shift])).reshape(-1, N)
+        ends = self.rows(np.repeat(np.arange(n), 2 * N)).missing(both).reshape(n, 2, N, -1)
+        return np.swapaxes(ends[:, 0] - ends[:, 1], 1, 2) / (2 * JACOBIAN_STEP)
+
+    def step(self, q: Array, missing: Array, J: Array, damping: Array) -> Array:
+        """Return the change of the joints (n, N) [rad] that takes up most, damped (n,); none leaves its bounds."""
+        n, N = q.shape
+        down, up = self.low - q, self.high - q
+        pull = np.einsum("nij,ni->nj", J, missing)
+        free = ~((down >= 0) & (pull < 0) | (up <= 0) & (pull > 0))
+        step = np.zeros((n, N))
+        damped = np.concatenate([J, np.sqrt(damping)[:, None, None] * np.eye(N)], axis=1)
+        for _ in range(N):  # joints that would leave are taken to their bound, and the others solved again
+            left = np.pad(missing - np.einsum("nij,nj->ni", J, np.where(free, 0.0, step)), ((0, 0), (0, N)))
+            solved = np.einsum("nij,nj->ni", np.linalg.pinv(damped * free[:, None, :]), left)
+            step = np.where(free, solved, step)
+            over = free & ((step < down) | (step > up))
+            if not over.any():
+                break
+            step, free = np.clip(step, down, up), free & ~over
+        return np.clip(step, down, up)
 
 
-def _solve_within(low: Array, high: Array, search: _Search) -> Array:
-    """Return the angles (n, N) [rad], joints that would leave their limits (n, N) held there."""
-    free = np.ones(search.start.shape, dtype=bool)
-    q = search.solve(search.start, free)
-    for _ in range(3):  # times that joints which would leave their limits are held there and the others solved again
-        over = free & ((q > high) | (q < low))
-        rows = np.flatnonzero(over.any(axis=1))
+def _descend(search: _Search, q: Array) -> Array:
+    """Return the angles (n, N) [rad] where the cost is least, downhill from q (n, N)."""
+    q, rows, damping = q.copy(), np.arange(len(q)), np.full(len(q), 1e-2)  # 1e-2: of a turn that counts 1
+    for _ in range(60):  # 60: steps at most; most targets take about ten
+        now = search.rows(rows)
+        missing = now.missing(q[rows])
+        step = now.step(q[rows], missing, now.slopes(q[rows]), damping[rows])
+        then = now.missing(q[rows] + step)
+        down = (then**2).sum(axis=1) <= (missing**2).sum(axis=1)
+        q[rows[down]] += step[down]
+        damping[rows] *= np.where(down, 0.1, 8.0)
+        rows = rows[np.abs(step).max(axis=1) > SOLVED]
         if not rows.size:
             break
-        free[rows] &= ~over[rows]
-        held = np.clip(q[rows], low[rows], high[rows])
-        q[rows] = search.rows(rows).solve(held, free[rows])
-    return np.asarray(np.clip(q, low, high))
-
-
-def _jacobians(poser: FlangeSource, q: Array, goal: ToolGoal) -> tuple[Array, Array]:
-    """Return the derivatives of what has been reached by the angles, by central differences, in one batch.
-
-    Returns:
-        Of the tool point (n, 3, N) [m/rad, base frame] and of its turn (n, 3, N) [rad/rad, tool frame].
-    """
-    n, N = q.shape
-    shift = JACOBIAN_STEP * np.eye(N)
-    both = (q[:, None, None, :] + np.stack([shift, -shift])[None]).reshape(-1, N)
-    many = np.repeat(np.arange(n), 2 * N)
-    travel, turn = (v.reshape(n, 2, N, 3) for v in goal.rows(many).missing_motion(poser, both))
-    slopes = (np.swapaxes(v[:, 1] - v[:, 0], 1, 2) / (2 * JACOBIAN_STEP) for v in (travel, turn))
-    J_x, J_turn = slopes
-    return J_x, J_turn
+    return np.clip(q, search.low, search.high)

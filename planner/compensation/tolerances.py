@@ -7,10 +7,12 @@ SOLVED = 1e-9  # [m and rad] by which a solved target may miss: below what progr
 LARGEST_STEP = 0.1  # [rad] of any joint in one iteration
 JACOBIAN_STEP = 1e-6  # [rad] of the numeric Jacobian
 REACHED = 1e-7  # [m and rad] by which the nominal arm may miss a pose that it reaches
-POINT_REACHED = 1e-8  # [m] the same of a tool point of an arm with few axes
 LOST_DIRECTION_SHARE = 1e-7  # of the largest singular value: below, the arm has lost a direction
-LOST_TRAVEL_SHARE = 1e-3  # the same of a direction of travel of an arm with few axes
-LOST_TURN_SHARE = 0.05  # the same of turns: what an error of 2° would open for a joint is no direction to turn in
+PLACE_WEIGHTS = (
+    300.0,
+    1e5,
+)  # [1/m] of a few-axes arm's tool point, a turn counting 1/rad: at last a turn moves it by 10 nm
+MOVE_WEIGHT = 1e-3  # [1/rad] the same of a joint's own move: it decides where no place or turn does
 SINGULAR_SHARE = 0.2  # of an arm's usual smallest singular value: below, it is near a singular position
 COARSE_ARM_SIGMAS = 10.0  # of an angle's error before calibration: so far may a correction of a coarse arm move
 

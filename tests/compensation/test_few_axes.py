@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import least_squares, minimize
 from scipy.spatial.transform import Rotation
 
 from planner.common.files import write_text
@@ -66,6 +66,23 @@ def test_beside_its_first_axis_the_arm_comes_as_near_as_its_joints_may_move():
     assert (np.abs(done.moved).max(axis=1) <= move_limit(robot)).all()
     assert (after < 0.5 * before).all()
     assert done.usable.all()
+    for start, place, distance in zip(q, wanted, after, strict=True):
+        low, high = (
+            np.maximum(robot.q_lower, start - move_limit(robot)),
+            np.minimum(robot.q_upper, start + move_limit(robot)),
+        )
+        peer = least_squares(lambda v, x=place: flange_pose(real, v)[:3, 3] - x, start, bounds=(low, high), xtol=1e-12)
+        assert distance < 1.001 * np.linalg.norm(peer.fun) + 1e-7
+
+
+@pytest.mark.parametrize(("name", "seed"), [("so101", 0), (RX150, 1)])
+def test_rounding_decides_no_angle(name, seed):
+    """Near the first axis and near limits too, where steps of Newton lead anywhere."""
+    robot, real = arm(name, seed)
+    q = reached(robot, 60, seed)
+    moved = np.random.default_rng(0).normal(0.0, 1e-13, q.shape)
+    one, other = (correct_joints(robot, NominalFlange(robot), real, angles).q for angles in (q, q + moved))
+    np.testing.assert_allclose(one, other, atol=1e-6)
 
 
 @pytest.mark.slow
