@@ -25,6 +25,7 @@ from planner.common.exchange import short_path
 from planner.common.extensions import broken_extensions
 from planner.common.files import INPUTS
 from planner.common.quiet import results_alone
+from planner.common.system import expand_stars
 from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.workflow.verbs import CORE, declared_calls
 
@@ -258,9 +259,10 @@ def _run_and_flush() -> None:
     """Run what is called; what is left of standard output is written here, where its failure can be told."""
     try:
         with INPUTS.watch():
-            if len(sys.argv) > 3 and sys.argv[1] == "--server" and sys.argv[3] not in ASKS:
-                sys.exit(_run_on_server(sys.argv[2], sys.argv[3:]))
-            app(standalone_mode=True)
+            words = expand_stars(sys.argv[1:])
+            if len(words) > 2 and words[0] == "--server" and words[2] not in ASKS:
+                sys.exit(_run_on_server(words[1], words[2:]))
+            app(words, standalone_mode=True)
     finally:
         if sys.stdout is not None:
             sys.stdout.flush()

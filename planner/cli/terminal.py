@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColu
 from rich.progress import Progress as Bar
 
 from planner.common.errors import FAILED, InputError, NoSolutionError, make_printable
+from planner.common.exchange import check_place
 from planner.common.file_names import check_names
 from planner.common.files import check_writing, document_text, is_folder
 from planner.common.progress import Progress, Stages
@@ -266,7 +266,7 @@ def _check_place(output: Path) -> None:
     if not there.is_dir():
         raise InputError(f"{there} is a file; -o needs a folder")
     try:
-        tempfile.TemporaryFile(dir=there).close()
+        check_place(there)
     except OSError as err:
         raise InputError(f"{output}: {there} may not be written ({err.strerror or err})") from err
 

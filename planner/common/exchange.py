@@ -9,7 +9,9 @@ import filecmp
 import os
 import platform
 import re
+import secrets
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -20,12 +22,25 @@ from planner.common.errors import InputError
 from planner.common.system import is_open_elsewhere, swap_folders
 
 DRAFT = ".edbb-"  # how the name of everything begins that is there only while files are written
+if sys.platform == "win32":  # in a folder that may not be written it would try two thousand million names
+    tempfile.TMP_MAX = 20
 
 
 def draft_prefix() -> str:
     """Return how the name of a draft begins: by it a later command knows whether its writer still lives."""
     host = re.sub(r"\W+", "_", platform.node())[:40]
     return f"{DRAFT}{host}-{os.getpid()}-"
+
+
+def check_place(folder: Path) -> None:
+    """Write a file in a folder, and remove it.
+
+    Raises:
+        OSError: the folder may not be written.
+    """
+    trial = folder / f"{draft_prefix()}{secrets.token_hex(8)}"
+    trial.touch(exist_ok=False)
+    remove(trial)
 
 
 def short_path(path: Path) -> str:

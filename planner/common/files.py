@@ -134,7 +134,9 @@ def read_utf8(path: Path, most_bytes: int = MOST_TEXT) -> str:
     try:
         text = data.decode(announced_encoding(data))
     except UnicodeDecodeError as err:
-        raise InputError(f"{path}: is no text in UTF-8 (byte {err.start})") from err
+        line = data.count(b"\n", 0, err.start) + 1
+        said = f"the byte 0x{data[err.start]:02X} is no UTF-8; save the file in UTF-8 (Notepad: Save as, Encoding)"
+        raise InputError(f"{path}, line {line}: {said}") from err
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -252,7 +254,7 @@ def _check_overwriting(path: Path, data: bytes, force: bool) -> None:
     if not INPUTS.watching or force or not path.is_file():
         return
     with path.open("rb") as file:
-        head = file.read(4096)  # bytes of the file's head
+        head = file.read(1 << 16)  # bytes of the file's head; the truth of a simulated run may stand before its mark
     if head and not data.startswith(head) and not any(mark in head for mark in OWN_MARKS):
         raise InputError(f"{path}: is there already, and was not written by edbb; name another file, or add --force")
 

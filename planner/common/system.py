@@ -13,11 +13,24 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from glob import glob
 from pathlib import Path
 from typing import Any
 
 LOOK_S = 0.5  # [s] between two looks whether a process lives
 _SYNCHRONIZE = 0x00100000  # access right of OpenProcess
+
+
+def expand_stars(words: list[str]) -> list[str]:
+    """Return the words of a command line, the files in place of a word with * or ?; shells of Windows do not do it.
+
+    Brackets stand for themselves: ``run[1].csv`` is what a browser calls its second ``run.csv``.
+    """
+    if sys.platform == "win32":
+        found = {w: sorted(glob(w.replace("[", "[[]"))) for w in words if "*" in w or "?" in w}
+        return [name for word in words for name in found.get(word) or [word]]
+    else:
+        return words
 
 
 def process_exists(pid: int) -> bool:

@@ -89,6 +89,27 @@ def test_what_was_read_is_never_written_over(tmp_path):
     assert run.read_text() == "# plan_id: 0\n"
 
 
+def test_a_run_is_known_by_its_mark_behind_the_truth(tmp_path):
+    run, truth = tmp_path / "run.csv", "".join(f"# truth: effect{k} = {k / 7}\n" for k in range(300))
+    run.write_text(f"{truth}# plan_id: 0\n1,2\n")
+    with INPUTS.watch():
+        write_text(run, f"# truth: other\n{truth}# plan_id: 0\n3,4\n")
+        run.write_text(f"{truth}1,2\n")
+        with pytest.raises(InputError, match="was not written by edbb"):
+            write_text(run, "# plan_id: 0\n")
+
+
+def test_a_text_in_another_code_is_refused_with_its_line_and_what_helps(tmp_path):
+    """As Notepad saves it in the code of Windows; in UTF-8 with its mark, or in UTF-16, it is read."""
+    cell, text = tmp_path / "cell.toml", 'schema = "edbb-cell/1"\n# geändert\n'
+    cell.write_bytes(text.encode("cp1252"))
+    with pytest.raises(InputError, match=r"cell\.toml, line 2: the byte 0xE4 is no UTF-8; save .* in UTF-8 \(Notepad"):
+        read_utf8(cell)
+    for code in ("utf-8-sig", "utf-16"):
+        cell.write_bytes(text.replace("\n", "\r\n").encode(code))
+        assert read_utf8(cell) == text
+
+
 def test_the_folder_that_one_is_in_is_no_folder_of_results(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="the one that you are in"), draft_folder(Path()):

@@ -29,6 +29,18 @@ def test_a_process_is_seen_and_nothing_is_sent_to_it():
     assert not system.process_exists(sleeper.pid)
 
 
+def test_a_star_stands_for_files_on_windows_and_brackets_for_themselves(tmp_path, monkeypatch):
+    for name in ("run[1].csv", "run1.csv", "run2.csv", "~home.csv"):
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    words = ["identify", "run[1].csv", "r*[1].csv", "run?.csv", "no*.csv", "~home.csv", "$HOME", "100 %"]
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert system.expand_stars(words) == words
+    monkeypatch.setattr(sys, "platform", "win32")
+    files = ["run[1].csv", "run[1].csv", "run1.csv", "run2.csv", "no*.csv", "~home.csv"]
+    assert system.expand_stars(words) == ["identify", *files, "$HOME", "100 %"]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do so by themselves, and tell otherwise")
 def test_memory_that_is_free_between_what_lives_on_goes_back():
     program = (

@@ -160,6 +160,29 @@ def test_line_ends_marks_and_letters_of_windows_are_read(wine, folder):
     assert (folder / "größer" / "report.html").is_file()
 
 
+def test_a_bracket_in_a_name_stands_for_itself_and_a_star_for_files(wine, folder):
+    """Browsers call their second ``axes.log`` so; the shell of Windows leaves both to the program."""
+    shutil.copy(folder / "axes.log", folder / "axes[1].log")
+    (folder / "axes1.log").write_text("other\n")
+    wine.edbb("import", "axes[1].log", "gaug*.log", *LOG_MAP, "-o", "second.csv", cwd=folder)
+    assert (folder / "second.csv").read_bytes() == (folder / "imported.csv").read_bytes()
+
+
+def test_a_folder_that_may_not_be_written_is_refused_at_once(wine, folder):
+    """Names for a draft are not tried for ever, as Python does it there."""
+    drive = wine.prefix / "dosdevices" / "y:"
+    drive.unlink(missing_ok=True)
+    drive.symlink_to("/sys/kernel")  # not even root makes files there
+    said = wine.edbb("import", "axes.log", "gauge.log", *LOG_MAP, "-o", "Y:\\run.csv", cwd=folder, code=2)
+    assert "may not be written" in said
+    code = (
+        "import sys, pathlib; from planner.common.files import write_text\n"
+        "try: write_text(pathlib.Path(sys.argv[1]), '1')\n"
+        "except Exception as err: print(type(err).__name__)"
+    )
+    assert wine.run(wine.python, "-c", code, "Y:\\run.csv")[1].strip() == "InputError"
+
+
 @pytest.mark.parametrize("console", ["cp1252", "cp437"])
 def test_a_console_of_windows_shows_its_own_letters(wine, folder, console):
     """What a person sees is in the letters of the console, and the others are spelt plainly."""
