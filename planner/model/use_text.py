@@ -6,7 +6,7 @@ from planner.common.units import to_mm
 from planner.model.use_statement import ToolUse, Use
 
 TOOLS = {"measured": "the measured tool point", "own": "its own tool", "another": "any other tool"}
-TARGET = "A target is a position that an offline program names; poses taught by hand do not change."
+TARGET = "Targets are positions that an offline program names; taught poses do not change."
 Row = tuple[str, ...]
 
 

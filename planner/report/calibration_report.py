@@ -48,8 +48,8 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "joints": tuple(f"joint {j + 1}" for j in range(c.run.samples.q.shape[1])),
         "validated": any(s.validation is not None for s in c.stages),
         "read": c.setup.gauge.plural,
-        "doubts": c.doubts,
-        "warnings": (*c.run.warnings, *(w for w in c.warnings if w not in {*c.run.warnings, *c.doubts})),
+        "doubts": [text.partition(";")[0] for text in c.doubts],  # what helps stands with the warnings
+        "warnings": (*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
         "open_parts": text.open_parts_text(c),
         "trials": [(t.along, chance_text(t.p_value), in_mm(t.rms, 2)) for t in trials],
         "parameters": [_parameter(facts, e) for e in c.estimates if e.identifiable],

@@ -90,7 +90,7 @@ def _drive_text(plan: Plan) -> str:
     more = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
     poses = f"{number_of(len(plan.choice.q), 'pose')}{f', {more}' if more else ''}"
     _, gap, proven = text.clearance_fact([v for d in plan.drives for v in d.verdicts], plan.cell)
-    path = f"The nominal robot collides nowhere on the path: nearest bodies {gap} apart, {proven}."
+    path = f"The nominal robot collides nowhere: nearest bodies {gap} apart, {proven}."
     return f"{minutes:.0f} minutes of driving, {poses}. {path}"
 
 
