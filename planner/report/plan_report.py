@@ -102,8 +102,8 @@ def _first_drive_text(plan: Plan) -> str:
     if off < min(d.clearance for d in plan.drives):
         return ""
     return (
-        f"Uncalibrated, robot and fixture may be off by {bound_text(off)}: the first drive may collide. Drive it "
-        "slowly, with a hand on the stop."
+        f"Uncalibrated, robot and fixture may be {bound_text(off)} off: the first drive may collide. Drive "
+        "slowly, a hand on the stop."
     )
 
 

@@ -120,7 +120,7 @@ def test_a_robot_that_may_be_farther_off_than_its_path_is_clear_is_driven_slowly
 ) -> None:
     clear, room = min(d.clearance for d in plan.drives), 2 * max(f.prior for f in plan.cell.fixtures)
     content = report_plan(replace(plan, targets=TargetForecast(before, 8.1e-4, None, 0.0))).content
-    said = "the first drive may collide. Drive it slowly, with a hand on the stop."
+    said = "the first drive may collide. Drive slowly, a hand on the stop."
     assert (said in str(content["first_drive"])) == (before + room > clear)
 
 
