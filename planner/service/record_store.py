@@ -137,7 +137,7 @@ class RecordStore:
             found = next((file_hash(p) for n in DOCUMENTS if (p := Path(draft, n)).is_file()), None)
             if found is None:
                 raise InputError(f"the {job.kind} {job.id} has no result for a record: add a calibration or a check")
-            _require_one_robot(serial, self.index.find_entry({found}), judged)
+            _require_one_robot(serial, self.index.find_entry({found} | self._found_by_runs(job)), judged)
             folder, there = self._folder / serial, self._is_there(serial)
             if not there or found not in [e.file.document_sha256 for e in self.read(serial).valid_entries]:
                 day = None if judged.circumstances is None else judged.circumstances.date
@@ -146,6 +146,13 @@ class RecordStore:
                 add_entry(folder, Path(draft), circumstances, serial, day)
                 self.index.read(serial)
             return self.read(serial)
+
+    def _found_by_runs(self, job: JobRecord) -> set[str]:
+        """Return the hashes of what jobs of its kind have found in the runs of a job: a run is of one robot."""
+        words = job.command.words
+        runs = {i.sha256 for i in job.command.inputs if i.name in words and i.name.endswith((".csv", ".parquet"))}
+        jobs = [other.id for run in runs for other in self._jobs.jobs_with("inputs", run, job.kind)]
+        return {o.sha256 for id in jobs for o in self._jobs.outputs(id) if o.name in DOCUMENTS}
 
     def pack(self, serial: str) -> bytes:
         """Return the folder of a record as ZIP.
@@ -177,8 +184,9 @@ def _require_one_robot(serial: str, known: RecordedEntry, judged: RecordedEntry)
     """Refuse a result that belongs to a robot of another serial number: it is one robot's alone."""
     if known.serial not in ("", serial):
         raise InputError(
-            f"this {known.kind} is entry {known.number} of the robot {known.serial}, and belongs to that robot alone; "
-            f"if {known.serial} was a mistake, withdraw the entry there with a reason, then add it here"
+            f"this {known.kind}, or one of the same run, is entry {known.number} of the robot {known.serial}, and "
+            f"belongs to that robot alone; if {known.serial} was a mistake, withdraw the entry there with a reason, "
+            "then add it here"
         )
     if judged.serial not in ("", serial):
         raise InputError(

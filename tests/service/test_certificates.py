@@ -219,6 +219,12 @@ def test_a_calibration_is_of_one_robot_and_a_mistyped_serial_number_is_withdrawn
     refused = add(plant, CALIBRATED, FIRST, "KR6-O815")
     assert refused.status_code == 422
     assert "is entry 1 of the robot KR6-0815, and belongs to that robot alone" in refused.json()["detail"]
+    run, names = JobInput("run.csv", "e" * 64), ("identification", "identification.json")
+    for id, theta in ((TWIN, 0.03), (LATER, 0.04)):  # the same run, identified with other options
+        put(plant.store, id, *names, stated(theta), [run])
+    assert add(plant, TWIN, LAST).status_code == 201
+    assert "or one of the same run, is entry 2 of the robot KR6-0815" in add(plant, LATER, LAST, "KR6-O815").text
+    assert plant.post("/api/records/KR6-0815/entries/2/withdrawal", json={"reason": "no robot's"}).status_code == 200
     judge(plant.store, SOUND, 0.0, plant.known)
     refused = add(plant, SOUND, SECOND, "KR6-O815")
     assert "it is judged against a calibration of the robot KR6-0815" in refused.json()["detail"]
@@ -292,6 +298,7 @@ def test_a_serial_number_is_of_one_robot_whatever_its_case(plant):
 
 def test_a_withdrawn_serial_number_is_brought_back_with_the_right_model(plant):
     path = "/api/records/SIM-1"
+    assert plant.put(path, json={"robot": "kuka\n"}).status_code == 422
     assert plant.put(path, json={"robot": "kuka"}).status_code == 200, "a model that nobody has"
     assert plant.put(path, json={"robot": NAME}).status_code == 409
     assert plant.post(f"{path}/withdrawal", json={"reason": "wrong model"}).status_code == 200
