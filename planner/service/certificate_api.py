@@ -51,9 +51,9 @@ def certificate_pdf(file: CertificateFile, fault: str) -> bytes:
     canvas = Canvas(out, pagesize=(210 * mm, 297 * mm), invariant=1)
     canvas.setTitle(f"{c.title} {c.number}")
     canvas.setAuthor("edbb")
-    across = "SIMULATED" if c.simulated else ""
-    for turn, text in ((50, across), (-50, "WITHDRAWN" if fault else "")):
-        _print_across(canvas, text, turn)
+    for is_so, text, turn in ((c.simulated, "SIMULATED", 50), (fault, "WITHDRAWN", -50)):
+        if is_so:
+            _print_across(canvas, text, turn)
     margin = (210 - WIDE_MM) / 2  # [mm], as those below
     wide, high = WIDE_MM * mm, (297 - 2 * margin) * mm
     whole = KeepInFrame(wide, high, _story(file, fault), mode="shrink")
@@ -80,8 +80,6 @@ def _print_across(canvas: Any, text: str, turn: float) -> None:
     from reportlab.lib.colors import HexColor
     from reportlab.lib.units import mm
 
-    if not text:
-        return
     canvas.saveState()
     canvas.setFillColor(HexColor(RED), alpha=0.16)
     canvas.setFont(BOLD, 84)

@@ -89,8 +89,7 @@ def _robot_events(context: ServiceContext, record: RecordHistory) -> list[RobotE
         c = find_certificate(context, number)
         text = f"{number}, {c.certificate.use}: U = {c.certificate.expanded_text}"
         found.append(RobotEvent(c.certificate.issued, "certificate", f"/certificates/{number}", text, c.fault))
-    wanted = JobFilter("compensation", "done", text=record.serial)
-    for job in context.describe_all(context.jobs.list_jobs(wanted)):
+    for job in context.describe_all(context.jobs.list_jobs(JobFilter("compensation", "done", text=record.serial))):
         if job.serial == record.serial:
             despite = ", although the robot had changed" if job.request.get("despite_change") else ""
             text = f"{job.title}: {job.verdict}{despite}"
