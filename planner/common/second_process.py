@@ -124,12 +124,11 @@ class ForkedWorker(Generic[A, T]):
 
     Args:
         task: what is done with each argument; a function of it alone.
-        before: what is done before the first one comes.
     """
 
-    def __init__(self, task: Callable[[A], T], before: Callable[[], object] | None = None) -> None:
+    def __init__(self, task: Callable[[A], T]) -> None:
         self._here, there = Pipe()
-        self._copy, self._parent = ForkedTask(partial(_serve, task, before, there)), os.getpid()
+        self._copy, self._parent = ForkedTask(partial(_serve, task, there)), os.getpid()
         there.close()
         self._end = weakref.finalize(self, _end_copy, self._copy, self._here, self._parent)
 
@@ -162,9 +161,7 @@ class ForkedWorker(Generic[A, T]):
         self._end()
 
 
-def _serve(task: Callable[[A], object], before: Callable[[], object] | None, asked: Any) -> None:
-    if before:
-        before()
+def _serve(task: Callable[[A], object], asked: Any) -> None:
     while True:
         argument = asked.recv()
         try:

@@ -26,6 +26,7 @@ def test_a_circle_uses_and_shows_less(planned):
         assert one.circle.deviation < one.path.deviation < 60e-3
 
 
+@pytest.mark.slow
 def test_the_fixture_stands_where_the_robot_put_it(planned):
     """Driven onto its fixture again, in that very state, the robot finds the ball: the bar has no length."""
     cell = planned.cell

@@ -19,6 +19,7 @@ from planner.runs.run import Samples
 ROBOTS = 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["panda/tracker", "so101/sockets", "kuka-kr6-r700/edbb"])
 def test_robots_keep_the_error_that_is_foreseen(name):
     cell = load_cell(name)
@@ -76,6 +77,7 @@ def test_targets_are_within_what_is_foreseen_of_robots_that_have_little_of_some_
     assert np.quantile(limits["after"], 0.95) == pytest.approx(foreseen.within, rel=0.15)
 
 
+@pytest.mark.slow
 def test_an_identification_leaves_more_than_readings_of_errors_whose_sizes_are_known():
     """Six simulated robots kept 0.195 to 0.441 mm, 0.28 mm rms, after 100 poses of the KUKA's plan."""
     cell = load_cell("kuka-kr6-r700/edbb")

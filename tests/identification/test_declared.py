@@ -113,6 +113,7 @@ def test_plan_and_fit_have_one_set_of_parameters(traced):
     assert all(why[name] == told[name] for name in ("a0", "d2", "theta1", "compliance1"))
 
 
+@pytest.mark.slow
 def test_the_declared_effect_is_a_stage_behind_the_geometry_and_is_not_sought_again():
     found = identified(True)
     assert [s.name for s in found.stages[:4]] == ["nominal", "frames", "geometry", "joint compliance"]

@@ -50,6 +50,7 @@ def test_plan_and_fit_use_the_same_parameters(reference):
     assert np.allclose(w.model.prior, plan.prior)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reference", QUICK_CELLS)
 def test_plan_and_fit_have_the_same_rows_and_noise(reference):
     plan, w = planned(reference)

@@ -99,6 +99,7 @@ def test_the_written_robot_holds_the_posterior_mean():
         assert 0 < np.sqrt((moved**2).sum(axis=1).mean()) < 0.101 * expected
 
 
+@pytest.mark.slow
 def test_the_expected_error_is_that_of_drawn_robots():
     """Errors drawn from the posterior move the tool, on average, as far as is stated."""
     released = by_posterior(judged(0)[0].released)

@@ -61,6 +61,7 @@ def test_play_is_named_at_its_joint_with_its_size():
     assert play.std < 0.2 * PLAY
 
 
+@pytest.mark.slow
 def test_what_it_takes_away_is_what_is_left_without_it():
     """By a fit of the same robot and sizes that lacks the parameter, against the Wald statistic."""
     found = untraced(effect("backlash-approach", 3, PLAY))

@@ -21,6 +21,7 @@ def test_every_number_has_its_published_one(rows):
     assert {r.published for r in rows.values()} >= {0.764, 0.933, 14.08, 180.0, 40.0}
 
 
+@pytest.mark.slow
 def test_the_offset_that_was_built_in_comes_back(rows):
     """As well as the cylinder's friction allows: its first harmonic, averaged over loads and senses, is some 10 um."""
     assert rows["offset a, b = 1"].ours == pytest.approx(0.764, abs=0.02)
@@ -33,10 +34,12 @@ def test_the_cylinders_friction_spreads_the_curves_as_in_the_paper(rows):
     assert any("times as much as the repeats" in w for w in reproduction.evaluated().warnings)
 
 
+@pytest.mark.slow
 def test_the_tracker_agrees_as_well_as_in_the_paper(rows):
     assert rows["kinematic error against the tracker, mean (fig. 15)"].ours < 40
 
 
+@pytest.mark.slow
 def test_what_no_compliance_explains_widens_the_uncertainties():
     """The cylinder's friction is 90 times the noise of the averages: the compliances stay true within what is said."""
     found = reproduction.evaluated().compliances
@@ -46,6 +49,7 @@ def test_what_no_compliance_explains_widens_the_uncertainties():
     assert len(found.known_combinations) == 3
 
 
+@pytest.mark.slow
 def test_figures(tmp_path):
     """Those of the paper and one of what the compliances are worth; drawing them all takes long."""
     paths = reproduction.write_figures(tmp_path, only=("kinematic",))

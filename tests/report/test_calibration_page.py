@@ -330,6 +330,7 @@ def test_folder_must_exist(c: Calibration, tmp_path: Path) -> None:
         report_calibration(c).write(tmp_path / "nowhere")
 
 
+@pytest.mark.slow
 def test_sections_of_a_drive_are_called_so() -> None:
     page = calibration_content(CalibrationFacts(calibrated("edbb_continuous", 2500, 0.0, False)))
     assert "on sections that no fit saw" in page["proof"][0]

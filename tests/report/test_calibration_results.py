@@ -31,6 +31,7 @@ def c(request: pytest.FixtureRequest) -> Calibration:
     return calibrated(*request.param)
 
 
+@pytest.mark.slow
 def test_keys_are_the_contracts(c: Calibration) -> None:
     content: dict[str, Any] = c.content()
     assert content.keys() >= KEYS
@@ -48,6 +49,7 @@ def test_keys_are_the_contracts(c: Calibration) -> None:
     assert content["unexplained"].keys() >= {"structured", "along", "rms_mm"}
 
 
+@pytest.mark.slow
 def test_numbers_are_in_the_units_that_they_name(c: Calibration) -> None:
     content: dict[str, Any] = c.content()
     factor = {"mm": 1e3, "deg": 180 / math.pi, "urad/Nm": 1e6}
@@ -63,6 +65,7 @@ def test_numbers_are_in_the_units_that_they_name(c: Calibration) -> None:
     assert content["unexplained"]["rms_mm"] == last["held_out"]["rms_mm"]
 
 
+@pytest.mark.slow
 def test_text_is_json_without_nan_and_reads_back(c: Calibration) -> None:
     text = c.to_json()
     assert text == c.to_json()
@@ -72,12 +75,14 @@ def test_text_is_json_without_nan_and_reads_back(c: Calibration) -> None:
     assert [p.name for p in read.estimates] == [e.name for e in c.estimates]
 
 
+@pytest.mark.slow
 def test_condition_without_end_is_null() -> None:
     c = calibrated("edbb_static", 90).model_copy(update={"condition_number": math.inf, "noise_floor": None})
     assert c.content()["condition_number"] is None
     assert c.content()["noise_floor_mm"] is None
 
 
+@pytest.mark.slow
 def test_frames_stand_for_the_fitted_corrections(c: Calibration) -> None:
     """With the gauge put where the frames say, and its parameters at zero, the residuals stay what they are."""
     assert c.released is not None
@@ -111,6 +116,7 @@ def _rpy(angles: np.ndarray) -> np.ndarray:
     return Z @ Y @ X
 
 
+@pytest.mark.slow
 def test_residuals_read_back(c: Calibration) -> None:
     rows = list(csv.DictReader(io.StringIO(residuals_csv(c))))
     assert len(rows) == len(c.run)
@@ -129,6 +135,7 @@ def test_residuals_read_back(c: Calibration) -> None:
     assert 0.7 < np.sqrt((white**2).mean()) < 1.1
 
 
+@pytest.mark.slow
 def test_degrees_of_freedom_are_those_of_the_readings() -> None:
     c = calibrated("edbb_static", 90)
     dof = c.content()["degrees_of_freedom"]

@@ -33,6 +33,7 @@ def test_a_plan(browser: Browser, plan: Plan, tmp_path: Path) -> None:
     assert sorted(shown) == sorted(["view", *(c.name for c in report.charts)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "count"),
     [

@@ -22,6 +22,7 @@ def volume(mesh: Mesh) -> float:
     return float(np.einsum("ti,ti->", a, np.cross(b, c)) / 6)
 
 
+@pytest.mark.slow
 def test_plots_are_not_blank_and_carry_no_date(plan: Plan) -> None:
     for chart in report_plan(plan).charts:
         data = chart_png(chart)

@@ -24,6 +24,7 @@ def cell():
     return load_cell("comau-nj130/edbb")
 
 
+@pytest.mark.slow
 def test_a_stand_comes_along_and_keeps_its_foot(cell):
     assert [cell.obstacles[k].name for k in find_stands(cell)] == ["fixture stand"]
     place = np.array([0.5, -1.0, 1.1])
@@ -33,6 +34,7 @@ def test_a_stand_comes_along_and_keeps_its_foot(cell):
     assert np.allclose(stand.T[:3, 3] + half, place - [0, 0, 0.078])
 
 
+@pytest.mark.slow
 def test_other_obstacles_stay(cell):
     wall = capsule_between("wall", np.array([1.0, 1.0, 0.0]), np.array([1.0, 1.0, 2.0]), 0.05)
     beside = move_fixture(replace(cell, obstacles=(*cell.obstacles, wall)), np.array([0.5, -1.0, 1.1])).obstacles[1]
@@ -40,6 +42,7 @@ def test_other_obstacles_stay(cell):
     assert beside.size == wall.size
 
 
+@pytest.mark.slow
 def test_poses_of_a_place_keep_every_filter(cell):
     place = np.array([0.6, 0.9, 1.2])
     there, found = move_fixture(cell, place), reach_poses(cell, place, 200, 1)
@@ -48,6 +51,7 @@ def test_poses_of_a_place_keep_every_filter(cell):
     assert np.all(np.linalg.norm(there.map_position(found.q) - [0.6, 0.9, 1.2], axis=1) >= 0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "status"), [([0.0, 0.0, 0.7], "blocked"), ([4.0, 0.0, 1.0], "unreachable"), ([1.2, 0.0, -0.9], "blocked")]
 )
@@ -58,6 +62,7 @@ def test_places_that_cannot_be_used_say_why(cell, place, status):
     assert len(found.q) == 0
 
 
+@pytest.mark.slow
 def test_a_robot_close_to_the_floor_blocks_no_place():
     """The first link of this robot is always nearer to the floor than the clearance: that is no stand in its way."""
     cell = load_cell("ur10/edbb")
@@ -65,6 +70,7 @@ def test_a_robot_close_to_the_floor_blocks_no_place():
         assert len(reach_poses(cell, cell.fixtures[0].p_BX + np.array(step), 50, 0).q) == 50
 
 
+@pytest.mark.slow
 def test_a_stand_may_touch_what_it_stands_on_and_nothing_else(cell):
     table = capsule_between("table", np.array([0.258, 1.3, 0.0]), np.array([0.258, 1.6, 0.0]), 0.05)
     post = capsule_between("post", np.array([0.9, 0.9, 0.0]), np.array([0.9, 0.9, 0.6]), 0.05)
@@ -88,6 +94,7 @@ def test_present_value_is_that_of_the_selection_on_the_same_candidates(done, cel
     assert m.best_place.value == max(p.value for p in m.usable_places)
 
 
+@pytest.mark.slow
 def test_fixture_sets_have_the_rank_of_plain_stacked_rows(done, cell):
     """Rank of every pair and triple tried, from a cell that has those fixtures, by one SVD of all its rows."""
     m, steps = done[1].places, done[1].fixtures.steps
@@ -111,6 +118,7 @@ def test_fixture_sets_have_the_rank_of_plain_stacked_rows(done, cell):
         assert np.allclose(share[: step.seen], ours[: step.seen], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_remedies_are_what_plain_ranks_say(done, cell):
     """A parameter is visible when its column is outside the span of the others."""
     f = done[1].fixtures

@@ -15,6 +15,7 @@ from planner.studies.pictures import draw_curves
 from tests.studies.conftest import small_study
 
 
+@pytest.mark.slow
 def test_every_file_is_there_and_nothing_else(done):
     assert sorted(p.name for p in done[0].iterdir()) == sorted((*NAMES, MANIFEST))
 
@@ -26,6 +27,7 @@ def test_the_same_seed_gives_the_same_bytes(done, tmp_path, monkeypatch):
         assert (tmp_path / name).read_bytes() == (done[0] / name).read_bytes(), name
 
 
+@pytest.mark.slow
 def test_pictures_name_neither_date_nor_program(done):
     pictures = [(done[0] / "fixture_map.png").read_bytes()]
     charts = ("fixtures_needed", "identifiability", "index_curve", "sensitivity")
@@ -37,6 +39,7 @@ def test_pictures_name_neither_date_nor_program(done):
         StudyResult(done[1]).plot("map")
 
 
+@pytest.mark.slow
 def test_the_page_names_robot_and_gauge_and_says_what_was_found(done):
     page, basis = (done[0] / "report.html").read_text().replace("\u00a0", " "), done[1].basis
     assert f"robot {basis.cell.robot.name} · {basis.cell.gauge.describe(basis.cell)}" in page
@@ -46,11 +49,13 @@ def test_the_page_names_robot_and_gauge_and_says_what_was_found(done):
     assert not re.search(r"20\d\d-\d\d-\d\d", page.partition("<script>")[0])  # its date is the file's
 
 
+@pytest.mark.slow
 def test_the_page_in_a_browser(browser, done):
     shown = browser.check_report(done[0] / "report.html")  # overview.html.j2
     assert shown == ["fixtures_needed", "identifiability", "index_curve", "sensitivity"]
 
 
+@pytest.mark.slow
 def test_tables_and_summary_say_the_same(done, told):
     folder = done[0]
     seen = pl.read_csv(folder / "identifiability.csv")
@@ -68,6 +73,7 @@ def test_tables_and_summary_say_the_same(done, told):
     assert curves["poses"].to_list() == [c["bend"] for c in told["curves"]]
 
 
+@pytest.mark.slow
 def test_predicted_deviation_is_that_of_simulated_fits(done):
     """Fit 4 000 noisy measurements by plain least squares: the spread is the predicted one."""
     b = done[1].basis
@@ -83,6 +89,7 @@ def test_predicted_deviation_is_that_of_simulated_fits(done):
     assert np.allclose(table["std_mdeg"].drop_nulls().to_numpy(), mdeg, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_sensitivity_is_the_change_of_the_reading(done):
     """One prior sigma of each parameter, put into the model itself, changes the reading by what the table says."""
     b = done[1].basis
@@ -97,6 +104,7 @@ def test_sensitivity_is_the_change_of_the_reading(done):
     assert list(table) == sorted(table, key=lambda n: -table[n]["rms_um"])
 
 
+@pytest.mark.slow
 def test_no_random_set_beats_a_curve_s_bound(done):
     b = done[1].basis
     rng = np.random.default_rng(1)
@@ -120,12 +128,14 @@ def test_no_random_set_beats_a_curve_s_bound(done):
                 assert bound >= value >= max(tried)
 
 
+@pytest.mark.slow
 def test_progress_is_told(done):
     stages = list(dict.fromkeys(s for s, _, _ in done[2]))
     assert stages == ["candidates", "what is seen", "index curves", "fixture places", "fixtures", "pictures"]
     assert all(0 <= d <= max(of, d) for _, d, of in done[2])
 
 
+@pytest.mark.slow
 def test_a_file_in_the_way_is_told_and_an_unknown_index_too(done, tmp_path):
     with pytest.raises(InputError, match="O9"):
         study(load_cell("comau-nj130/edbb"), index="O9")
@@ -135,6 +145,7 @@ def test_a_file_in_the_way_is_told_and_an_unknown_index_too(done, tmp_path):
     assert (tmp_path / "file").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_text_is_short_and_names_what_matters(done):
     text = done[1].overview().text()
     for word in ("25 of 32", "best", "fixture", "d3"):
@@ -142,6 +153,7 @@ def test_text_is_short_and_names_what_matters(done):
     assert len(text.splitlines()) <= 20
 
 
+@pytest.mark.slow
 def test_the_units_of_an_index_are_said_wherever_it_is(done, told):
     """Of O2 most: it is 93, 263 or 14 590 by them."""
     assert "(in m, rad)" in done[1].overview().text()

@@ -41,6 +41,7 @@ def test_the_curve_is_the_one_that_was_planted():
     assert np.sqrt(np.mean((left - sense * shown) ** 2)) < 0.2 * np.sqrt(np.mean(left**2))
 
 
+@pytest.mark.slow
 def test_functions_side_by_side_move_the_arm_as_one_by_one():
     """A curve's waves stand side by side once the model was linearised; before, and of a model alone, each is added."""
     found = calibrated((effect("gear-uneven", 3, 2e-4, knots=30.0, seed=5.0),), build="tracker", size=400)

@@ -82,6 +82,7 @@ def test_the_plan_keeps_the_contract(either):
     assert either.stderr == ""
 
 
+@pytest.mark.slow
 def test_a_plan_is_read_whole(either):
     assert json.dumps(PlanDocument.model_validate(either.plan).content()) == json.dumps(either.plan)
 

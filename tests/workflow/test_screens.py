@@ -79,6 +79,7 @@ def with_traits(result, causes, parts, validated, tools, notes, state):
     return dataclasses.replace(result, calibration=found.model_copy(update=changes))
 
 
+@pytest.mark.slow
 def test_every_screen_of_a_fit_has_eight_lines(fitted, monkeypatch):
     each: Iterable[tuple[Any, ...]] = product(*TRAITS.values())
     for *traits, two_steps in each:

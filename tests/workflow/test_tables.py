@@ -48,6 +48,7 @@ def test_parameters_are_read_by_name_and_as_a_frame_in_the_units_of_the_document
         assert row["seen"] or row["because"]
 
 
+@pytest.mark.slow
 def test_findings_tool_and_stages_have_their_unit_in_the_name(robot):
     play = Finding(effect="backlash", on="joint 3", value=2e-4, std=1e-5, unit="rad", gain=3e-5, rivals=("a", "b"))
     known = replace(robot, calibration=robot.calibration.model_copy(update={"findings": (play,)}))
@@ -62,6 +63,7 @@ def test_findings_tool_and_stages_have_their_unit_in_the_name(robot):
     assert stages["held_out_mean_mm"][-1] == pytest.approx(1e3 * robot.stages[-1].held_out.mean)
 
 
+@pytest.mark.slow
 def test_the_expected_error_is_that_of_the_file(robot, tmp_path):
     robot.write_robot(tmp_path)
     written = pl.read_csv(tmp_path / "expected_error.csv")
@@ -70,6 +72,7 @@ def test_the_expected_error_is_that_of_the_file(robot, tmp_path):
     assert frame.to_numpy() == pytest.approx(written.to_numpy(), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_tables_show_themselves_short_and_as_html(robot):
     for table in (robot.parameters, robot.findings, robot.tool, robot.stages, robot.expected_error, robot):
         assert len(repr(table)) < 300

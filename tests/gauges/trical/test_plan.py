@@ -147,6 +147,7 @@ def test_it_is_written_whole(planned, tmp_path):
     assert head.startswith("t_s,q1_deg")
 
 
+@pytest.mark.slow
 def test_it_is_centred_where_no_engine_is_installed(planned, tmp_path, monkeypatch):
     """On a PC that does not plan: what was proven is driven, and what was changed is not."""
     path = tmp_path / "plan.json"
