@@ -92,7 +92,8 @@ def bound_text(value: float) -> str:
     if mm <= 0:
         return "0 mm"
     decimals = max(1 - floor(log10(mm)), 0)
-    return f"{ceil(mm * 10**decimals - 1e-9) / 10**decimals:.{decimals}f} mm"
+    up = ceil(mm * 10**decimals - 1e-9) / 10**decimals
+    return f"{up:.{max(1 - floor(log10(up)), 0)}f} mm"  # 0.996 is 1.0, not 1.00
 
 
 def share_text(share: float | None) -> str:
