@@ -14,7 +14,7 @@ from planner.service.job_record import JobCommand, JobInput, JobOutput
 from tests.checks.fleet import NAME
 from tests.checks.test_evaluation import judged
 from tests.checks.test_record import calibration
-from tests.service.conftest import client_of
+from tests.service.conftest import AT_HOME, client_of
 from tests.service.test_crashes import Store
 from tests.service.test_records import (
     CALIBRATED,
@@ -90,6 +90,7 @@ def sheet_text(client, number):
 
 
 def test_a_certificate_claims_what_the_calibration_page_says_and_names_the_rest(plant):
+    assert f"leads to <code>{AT_HOME}</code>" in plant.get(f"/jobs/{CALIBRATED}/certificate").text
     made = issue(plant, u_gauge_mm=0.1, place="Hall 7").json()
     c = made["certificate"]
     assert (c["number"], c["serial"], made["holds"]) == ("KR6-0815-C01", "KR6-0815", True)
@@ -160,7 +161,7 @@ def test_a_failed_check_binds_before_anybody_records_it(plant):
     record, (listed,) = plant.get("/api/records/KR6-0815").json(), plant.get("/api/records").json()
     assert (record["state"], listed["state"]) == ("changed", "changed")
     assert record["advice"] == listed["advice"] == "add its failed check to the record"
-    assert record["line"].endswith(": zero of joint 3")
+    assert record["line"] == "changed: zero of joint 3", "the day is that of the record's entry"
     assert 'edbb_robots{state="changed"} 1' in plant.get("/metrics").text
     job = plant.get(f"/api/jobs/{CALIBRATED}").json()
     assert "the robot KR6-0815 has changed: zero of joint 3" in job["fault"]
@@ -239,6 +240,7 @@ def test_a_calibration_is_of_one_robot_and_a_mistyped_serial_number_is_withdrawn
     assert not plant.get(f"/api/jobs/{CALIBRATED}").json()["fault"]
     # a robot that was never measured
     assert plant.put("/api/records/KR6-O816", json={"robot": NAME}).json()["line"] == "never measured"
+    assert f'href="/cells/{NAME}/' in plant.get("/robots/KR6-O816").text, "a session is planned from there"
     assert plant.put("/api/records/KR6-O816", json={"robot": "another"}).status_code == 409
     assert plant.post("/api/records/KR6-O816/withdrawal", json={"reason": "mistyped"}).json()["state"] == "withdrawn"
     assert plant.post("/api/records/KR6-0851/withdrawal", json={"reason": "mistyped"}).status_code == 409
