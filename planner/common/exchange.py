@@ -23,7 +23,7 @@ from planner.common.system import is_open_elsewhere, swap_folders
 
 DRAFT = ".edbb-"  # how the name of everything begins that is there only while files are written
 if sys.platform == "win32":  # in a folder that may not be written it would try two thousand million names
-    tempfile.TMP_MAX = 20
+    tempfile.TMP_MAX = 20  # type: ignore[misc]
 
 
 def draft_prefix() -> str:
