@@ -4,6 +4,7 @@ import os
 import threading
 import webbrowser
 from collections.abc import Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from http.client import HTTPConnection, HTTPException
 from importlib import import_module
@@ -109,7 +110,9 @@ def _serve(values: Values, **_: object) -> None:
     store = (asked.data or default_folder()).resolve()
     if asked.what:
         act(asked.what, UserOptions(asked.role, asked.label, asked.no_password, asked.same_person), store)
-    if asked.what or (asked.open_page and show_other_service(asked.host, asked.port)):
+        return
+    port = free_port(asked.host, asked.port) if asked.open_page and asked.port else asked.port
+    if port is None:
         return
     workers = asked.workers
     most = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
@@ -120,7 +123,7 @@ def _serve(values: Values, **_: object) -> None:
     settings = ServiceSettings(
         folder=store,
         host=asked.host,
-        port=asked.port,
+        port=port,
         names=tuple(asked.name),
         token=environment_token(),
         workers=workers or shares.workers if asked.cluster else shares.workers,
@@ -151,18 +154,21 @@ def announce(address: str, folder: Path, open_page: bool) -> None:
         threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
 
-def show_other_service(host: str, port: int) -> bool:
-    """Show the page of the service that answers there already, as somebody has started it twice; tell whether."""
-    try:
-        there = HTTPConnection(host, port, timeout=2)  # [s]; it is this machine
-        there.request("GET", "/api/health")
-        if b"jobs_waiting" not in there.getresponse().read():
-            return False
-    except (OSError, HTTPException):
-        return False
-    errors.print(f"served already at http://{host}:{port}")
-    webbrowser.open(f"http://{host}:{port}")
-    return True
+def free_port(host: str, port: int) -> int | None:
+    """Return the first port from ``port`` on at which nobody answers; None where edbb does, whose page it shows."""
+    for there in range(port, port + 10):  # 10: ports that other programs may have
+        asked = HTTPConnection(host, there, timeout=2)  # [s]; it is this machine
+        try:
+            asked.connect()
+        except OSError:
+            return there
+        with closing(asked), suppress(OSError, HTTPException):  # what is no server of pages is another program
+            asked.request("GET", "/api/health")
+            if b"jobs_waiting" in asked.getresponse().read():
+                errors.print(f"served already at http://{host}:{there}")
+                webbrowser.open(f"http://{host}:{there}")
+                return None
+    return port
 
 
 def act(words: Sequence[str], options: "UserOptions", store: Path) -> None:

@@ -229,7 +229,9 @@ def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
     try:
         socket = config.bind_socket()
     except SystemExit as err:
-        raise InputError(f"{host}:{settings.port}: cannot be listened on; is another service there?") from err
+        raise InputError(
+            f"{host}:{settings.port}: cannot be listened on; is another service there? Name another --port"
+        ) from err
     # 1024: connections that wait to be taken
     socket.listen(1024)  # whoever reads the address may ask at once
     announce(f"http://{host}:{socket.getsockname()[1]}")

@@ -2,7 +2,9 @@
 
 import asyncio
 import errno
+import threading
 from collections import namedtuple
+from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 from starlette.exceptions import HTTPException
@@ -10,6 +12,7 @@ from starlette.requests import ClientDisconnect, Request
 
 import planner.service.context as context
 import planner.service.file_api as file_api
+from planner.service.command import free_port
 from planner.service.file_store import FileStore
 from tests.service.conftest import client_of, wait_until
 from tests.service.test_crashes import CHEAP, Store
@@ -98,3 +101,26 @@ def test_clients_that_stall_or_vanish_leave_nothing(tmp_path, monkeypatch):
         received(tmp_path, vanish)
     assert not list((tmp_path / "drafts").iterdir())
     assert not list((tmp_path / "files").iterdir())
+
+
+def test_the_next_port_is_taken_where_another_program_has_the_first(monkeypatch):
+    """For a person who double-clicks; where edbb itself answers, its page is shown."""
+    said, shown = [b"a printer"], []
+    monkeypatch.setattr("webbrowser.open", shown.append)
+
+    class Answer(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(said[0])
+
+    with HTTPServer(("127.0.0.1", 0), Answer) as other:
+        port = other.server_address[1]
+        threading.Thread(target=other.serve_forever, daemon=True).start()
+        assert port < free_port("127.0.0.1", port) < port + 10
+        assert shown == []
+        said[0] = b'{"jobs_waiting": 0}'
+        assert free_port("127.0.0.1", port) is None
+        assert shown == [f"http://127.0.0.1:{port}"]
+        other.shutdown()
+    assert free_port("127.0.0.1", port) == port
