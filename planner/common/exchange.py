@@ -123,6 +123,9 @@ def remove(path: Path) -> None:
             else:
                 path.unlink(missing_ok=True)
             return
+        for part in (path, *path.rglob("*")):  # Windows removes no file that is read-only
+            with suppress(OSError):
+                os.chmod(part, 0o700)
 
 
 def put_back(aside: Path, target: Path) -> bool:

@@ -41,6 +41,21 @@ def test_a_star_stands_for_files_on_windows_and_brackets_for_themselves(tmp_path
     assert system.expand_stars(words) == ["identify", *files, "$HOME", "100 %"]
 
 
+def test_what_is_read_only_is_removed_where_the_system_asks_for_that(tmp_path, monkeypatch):
+    draft, remove_folder = tmp_path / "draft", exchange.shutil.rmtree
+    (draft / "old").mkdir(parents=True)
+    (draft / "old" / "robot.toml").touch(mode=0o400)
+
+    def as_windows_does(folder):
+        if [p for p in Path(folder).rglob("*") if not p.stat().st_mode & 0o200]:
+            raise PermissionError(13, "Access denied")
+        remove_folder(folder)
+
+    monkeypatch.setattr(exchange.shutil, "rmtree", as_windows_does)
+    exchange.remove(draft)
+    assert not draft.exists()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do so by themselves, and tell otherwise")
 def test_memory_that_is_free_between_what_lives_on_goes_back():
     program = (
