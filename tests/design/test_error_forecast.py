@@ -11,7 +11,7 @@ from planner.design.expected_errors import ErrorForecast
 from planner.design.free_parameters import undeclared_errors
 from planner.design.target_errors import foresee_targets
 from planner.design.unnamed_errors import identified_errors
-from planner.effects.usual_errors import is_usual
+from planner.effects.usual_errors import is_usual, usual_factors
 from planner.inference.posterior_fit import usual_sizes
 from planner.model.tool_error import aligned_rows, uniform_states
 from planner.runs.run import Samples
@@ -47,6 +47,13 @@ def test_robots_keep_the_error_that_is_foreseen(name):
     half, same, twice = foreseen.by_number
     assert (half.poses, same.poses, twice.poses) == (30, 60, 120)
     assert half.error > same.error == foreseen.left > twice.error
+
+
+def test_a_plan_and_an_identification_expect_the_same_sizes_of_what_every_robot_has():
+    factors, probability = usual_factors()
+    assert np.array_equal(factors, usual_sizes().factors)
+    assert np.allclose(probability, usual_sizes().probability, rtol=1e-12, atol=0)
+    assert probability[factors > 1].sum() == pytest.approx(1 / 13, abs=0.03)  # docs/effects.md
 
 
 @pytest.mark.slow
