@@ -1,5 +1,6 @@
 """How a gauge is mounted and set: numbered steps, and a drawing from the side with the numbers of the cell."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +60,7 @@ class MountingDrawing:
         fixture, ball, flange, base: ends of the gauge, middle of the flange, foot of axis 1, (x, y) from the top left.
         floor: height of what the fixture stands on.
         top: height of what is written above all that is drawn.
-        others: further balls or sockets of an artifact, each with its name.
+        others: further balls or sockets of an artifact with their names, those seen at one place together.
         away: how far the fixture is from axis 1 [mm]; position: of it in the frame of the base (3,) [mm].
         line: between the ends of the gauge: ``rod``, ``sight`` or none.
         gauge: the gauge and its length; holder: where its end sits in the frame of the flange, in words.
@@ -114,7 +115,7 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
         base=base,
         floor=base[1],
         top=max(14.0, min(F[1] - 14.0, B[1] - 14.0, *(p[1] - 24.0 for p in others))),
-        others=tuple((p, n) for p, (n, _) in zip(others, balls, strict=True) if n != name),
+        others=_joined((p, n) for p, (n, _) in zip(others, balls, strict=True) if n != name),
         away=away,
         position=(x, y, z),
         line="rod" if attached else "" if balls else "sight",
@@ -123,6 +124,15 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
         title=f"{own[:1].upper()}{own[1:]}, {on_tool} and flange from the side",
         places=f"{stands.capitalize()}s in mm of the base: {listed}." if len(balls) > 1 else "",
     )
+
+
+def _joined(others: Iterable[tuple[Point, str]]) -> tuple[tuple[Point, str], ...]:
+    """Return what is drawn at each place, with all the names of what is seen there."""
+    out: dict[Point, str] = {}
+    for p, name in others:
+        there = next((k for k in out if np.hypot(k[0] - p[0], k[1] - p[1]) < 10), p)  # units: twice a ball's radius
+        out[there] = f"{out[there]}, {name}" if there in out else name
+    return tuple(out.items())
 
 
 def _drawn_visit(cell: Cell, drive: Drive) -> Visit:

@@ -85,7 +85,11 @@ def test_every_gauge_has_a_drawing_to_scale(name: str) -> None:
     scale = (drawing.fixture[0] - drawing.base[0]) / drawing.away
     along = 1e3 * cell.map_position(q[:1] if cell.has_bar() else q[1:])[0][:2] @ there[:2] / np.hypot(*there[:2])
     assert (drawing.ball[0] - drawing.base[0]) / scale == pytest.approx(along, abs=0.2 / scale)
-    assert len(drawing.others) == max(len(cell.balls) - 1, 0)
+    named = [name for _, names in drawing.others for name in names.split(", ")]
+    assert len(named) == len(set(named)) == max(len(cell.balls) - 1, 0)
+    places = np.array([p for p, _ in drawing.others]).reshape(-1, 2)
+    apart = np.linalg.norm(places[:, None] - places, axis=2) + 100 * np.eye(len(places))
+    assert apart.size == 0 or apart.min() >= 10  # names do not stand on each other
     assert all(f"{b.name} [" in drawing.places for b in cell.balls[1:])
     assert all(0 <= x <= 480 and 0 <= y <= 210 for x, y in (drawing.fixture, drawing.ball, drawing.flange))
 
