@@ -268,7 +268,8 @@ def _check_place(output: Path) -> None:
     try:
         check_place(there)
     except OSError as err:
-        raise InputError(f"{output}: {there} may not be written ({err.strerror or err})") from err
+        above = "" if there == output else f"{there} "
+        raise InputError(f"{output}: {above}may not be written ({err.strerror or err})") from err
 
 
 def print_json(content: object) -> None:
