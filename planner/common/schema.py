@@ -11,10 +11,10 @@ from typing import Annotated, ClassVar, TypeVar, cast, get_args
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
-    StringConstraints,
     ValidationError,
     model_serializer,
 )
@@ -27,15 +27,14 @@ MOST = 1e6  # mm, degrees, mm/min, µm …: a kilometre; nothing that a file say
 Coordinate = Annotated[float, Field(ge=-MOST, le=MOST)]
 PositiveFloat = Annotated[float, Field(gt=0, le=MOST)]
 NonNegativeFloat = Annotated[float, Field(ge=0, le=MOST)]
-MOST_NAME = 200  # letters of a name
-OneLine = Annotated[str, AfterValidator(lambda text: _check_line(text, MOST_NAME))]
-Statement = Annotated[OneLine, StringConstraints(strip_whitespace=True, max_length=MOST_NAME)]
-ReasonText = Annotated[
-    str,
-    StringConstraints(strip_whitespace=True, min_length=3, max_length=500),
-    AfterValidator(lambda text: _check_line(text, 500)),
-]
+OneLine = Annotated[str, AfterValidator(lambda text: _check_line(text))]
+HIDDEN = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"  # steer, end lines, turn or join
+PLAIN, SEEN = rf"^[^{HIDDEN}]*$", rf"^[^{HIDDEN}]*[^{HIDDEN}\s][^{HIDDEN}]*$"
+_PLAINLY = BeforeValidator(lambda text: _check_plain(text))
+Statement = Annotated[str, Field(max_length=200, pattern=PLAIN), _PLAINLY]
+ReasonText = Annotated[str, Field(min_length=3, max_length=500, pattern=SEEN), _PLAINLY]
 KeyPath = tuple[str | int, ...]
+MOST_NAME = 200  # letters of a name
 TABLE = "table"
 NEEDED = {  # by pydantic's name of the fault
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), TABLE),
@@ -48,9 +47,15 @@ NEEDED = {  # by pydantic's name of the fault
 }
 
 
-def _check_line(text: str, most: int) -> str:
-    if len(text) > most or not is_printable_line(text):
-        raise ValueError(f"a name on one line is needed, with at most {most} letters and no control signs")
+def _check_line(text: str) -> str:
+    if len(text) > MOST_NAME or not is_printable_line(text):
+        raise ValueError(f"a name on one line is needed, with at most {MOST_NAME} letters and no control signs")
+    return text
+
+
+def _check_plain(text: object) -> object:
+    if isinstance(text, str) and not re.fullmatch(PLAIN, text):
+        raise ValueError("one line of text is needed, without signs that cannot be seen")
     return text
 
 

@@ -120,7 +120,7 @@ def _groups(
         ),
     }  # fmt: skip
     return [
-        FactGroup(title=title, facts=[Fact(what=what, value=value or "not stated") for what, value in facts])
+        FactGroup(title=title, facts=[Fact(what=what, value=value.strip() or "not stated") for what, value in facts])
         for title, facts in rows.items()
     ]
 

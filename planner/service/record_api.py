@@ -18,7 +18,7 @@ from planner.checks.record import (
     Withdrawal,
     map_to_opcua,
 )
-from planner.common.schema import ReasonText, Statement, StrictModel
+from planner.common.schema import SEEN, ReasonText, StrictModel
 from planner.service.callers import CALLER
 from planner.service.certificate import certificate_numbers
 from planner.service.context import Context, ServiceContext
@@ -98,9 +98,7 @@ class EntryRequest(StrictModel):
 class NewRobot(StrictModel):
     """A robot that was never measured."""
 
-    robot: Annotated[
-        Statement, Field(min_length=1, max_length=100, examples=["kuka-kr6-r700"], description="its model")
-    ]
+    robot: Annotated[str, Field(max_length=100, pattern=SEEN, examples=["kuka-kr6-r700"], description="its model")]
 
 
 class RobotPage(StrictModel):

@@ -96,7 +96,7 @@ def get_session(id: SessionId, context: Context) -> SessionEntry:
 @SESSIONS.post("/api/sessions/{id}/ticks")
 def add_ticks(id: SessionId, ticks: TickList, context: Context) -> SessionEntry:
     """Say what was ticked; of each step the latest counts. The answer is what is known then."""
-    context.sessions.merge(id, ticks.ticks, CALLER.get().name or ticks.person)
+    context.sessions.merge(id, ticks.ticks, CALLER.get().name or ticks.person.strip())
     return describe_session(context, context.sessions.get(id))
 
 

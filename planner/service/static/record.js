@@ -17,7 +17,7 @@ export function offerRecord(job) {
     const serial = find("#serial").value, temperature = find("#temperature").value, message = find("#record-message");
     const path = `/api/records/${encodeURIComponent(serial)}`;
     const circumstances = { date: find("#date").value, ...(temperature && { temperature_degC: Number(temperature) }) };
-    for (const [name, field] of Object.entries(FIELDS)) circumstances[name] = find(field).value;
+    for (const [name, field] of Object.entries(FIELDS)) circumstances[name] = find(field).value.trim();
     try {
       if (!isNew && !(await isKnown(serial))) { // a mistyped serial number makes no robot without a question
         add.textContent = `${serial} is a new robot: add it`;

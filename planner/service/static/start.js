@@ -27,7 +27,7 @@ find("#robot-form").addEventListener("submit", async (event) => {
   event.preventDefault();
   const serial = encodeURIComponent(find("#new-serial").value);
   try {
-    await send("PUT", `/api/records/${serial}`, { robot: find("#new-model").value });
+    await send("PUT", `/api/records/${serial}`, { robot: find("#new-model").value.trim() });
     location.href = `${root}/robots/${serial}`;
   } catch (problem) { say(find("#robot-message"), problem.message, true); }
 });
