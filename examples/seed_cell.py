@@ -16,7 +16,7 @@ def main(folder: str = "seed_cell", cell: str = "kuka-kr6-r700/edbb", poses: int
     session = plan(cell, poses=int(poses), dialect=["krl"], progress=lambda stage, done, of: None)
     print(session.summary())
     session.write(out / "session")
-    session.plot_index().save(out / "index.png")
+    session.plot("index_curve").save(out / "index.png")
 
     run = simulate(session, seed=1)  # a robot with drawn errors; a measured run is read with load_run
     found = identify(run.run, cell=session.plan.cell, plan=session, no_trace=True)

@@ -209,38 +209,19 @@ class PlanResult(SessionResult):
         return report_plan(self.plan)
 
     def preview(self) -> Plot:
-        """Return the chart of the criterion over the number of poses; that of the parameters if there is none."""
-        if self.plan.expected_error:
-            from planner.report.plan_charts import expected_error_chart
+        """Return the expected error over the number of poses; else the criterion over it, or what the poses teach."""
+        expected = "foresight" if self.plan.expected_error else "index_curve"
+        return self.plot(expected if self.plan.expected_error or self.plan.curve else "parameters")
 
-            return _plot(expected_error_chart(self.plan.expected_error))
-        return self.plot_index() if self.plan.curve else self.plot_parameters()
-
-    def plot_index(self) -> Plot:
-        """Return the observability index and its bound against the number of poses.
+    def plot(self, name: str) -> Plot:
+        """Return one of the report's charts by its name.
 
         Raises:
-            InputError: the index did not choose the poses, so it was not computed.
+            InputError: no such chart.
         """
-        from planner.report.plan_charts import index_chart
+        from planner.report.matplotlib_backend import find_plot
 
-        if self.plan.curve is None:
-            raise InputError("the index did not choose these poses: plan with aim='index', or study the cell")
-        return _plot(index_chart(self.plan, self.plan.curve))
-
-    def plot_parameters(self) -> Plot:
-        """Return how surely each parameter will be known."""
-        from planner.report.plan_charts import parameter_chart
-        from planner.report.plan_data import forecast_parameters
-
-        return _plot(parameter_chart(forecast_parameters(self.plan)))
-
-    def plot_tour(self, fixture: int = 0) -> Plot:
-        """Return the order of the poses at one fixture, and the time that it saves."""
-        from planner.report.plan_charts import tour_chart
-        from planner.report.plan_data import tour_orders
-
-        return _plot(tour_chart(tour_orders(self.plan.cell, self.plan.drives[fixture])))
+        return find_plot(self.report().charts, name)
 
 
 @dataclass(frozen=True)
@@ -361,9 +342,3 @@ def _numbered_stem(name: str) -> tuple[str, str]:
     """What the parts of a split program have in common, stem and suffix; of another file its name."""
     found = re.fullmatch(r"(.*_)\d{3}(\.\w+)", name)
     return (found[1], found[2]) if found else (name, "")
-
-
-def _plot(chart: Any) -> Plot:
-    from planner.report.matplotlib_backend import chart_plot
-
-    return chart_plot(chart)
