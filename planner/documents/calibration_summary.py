@@ -104,6 +104,8 @@ def _why_more(c: Calibration, plan: PlannedTargets) -> str:
     missing = plan.poses - c.n_groups if c.split.by == "pose" else 0
     if missing > plan.poses // 20:
         return f"{missing} of {plan.poses} planned poses are missing"
+    if c.tried is None:  # plans expect that causes are traced
+        return "no causes beyond the geometry were sought"
     assert c.release is not None
     parts, unseen = c.release.parts, c.release.not_shown
     if parts is not None and parts.misfit > max(parts.seen, parts.unseen):

@@ -53,11 +53,12 @@ def test_a_run_that_leaves_more_than_its_plan_says_why(unseen, parts, why):
     shown = tuple(SimpleNamespace(what=what) for what in unseen)
     parts = ErrorParts(seen=parts[0], unseen=parts[1], misfit=parts[2])
     release = SimpleNamespace(parts=parts, not_shown=shown)
-    found = SimpleNamespace(
-        planned_targets=PlannedTargets(0.84e-3, 100), n_groups=100, split=SimpleNamespace(by="pose"), release=release
-    )
+    by_pose, plan = SimpleNamespace(by="pose"), PlannedTargets(0.84e-3, 100)
+    found = SimpleNamespace(planned_targets=plan, n_groups=100, split=by_pose, release=release, tried=300)
     said = f"Planned: 0.84 mm for a robot of this kind. This run leaves 1.5 mm, because {why}."
     assert _planned_text(found, 1.5e-3) == said
+    found.tried = None
+    assert "because no causes beyond the geometry were sought." in _planned_text(found, 1.5e-3)
 
 
 @pytest.mark.parametrize(
