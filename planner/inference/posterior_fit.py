@@ -16,6 +16,7 @@ from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Parameter
 from planner.effects.sizes import LINK_MASS, UNKNOWN_PRIOR
 from planner.effects.steps import SLIP
+from planner.effects.usual_errors import usual_factors
 from planner.fit.assumptions import LOG_NOISE_SIGMA, STANDING_PROBABILITY
 from planner.fit.cross_validation import Split, predict_held_out
 from planner.fit.least_squares import Fit, Solution
@@ -309,7 +310,7 @@ class _Families:
         kinds = dict.fromkeys(findings, found) | dict.fromkeys(usual, slab) | dict.fromkeys(variants, found)
         kinds |= dict.fromkeys(common & usual, often) | dict.fromkeys(unnamed, foreign)
         kinds |= dict.fromkeys(certain, _spike_and_slab(SLAB, SLAB_WEIGHT, 1.0))
-        kinds |= dict.fromkeys(ever, usual_sizes())
+        kinds |= dict.fromkeys(ever, SizePrior(*usual_factors()))
         priors = tuple(kinds.get(n, plain) for n in names)
         start = np.array([0.0 if n in behind else 1.0 for n in names])
         return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start, variants)
@@ -327,13 +328,6 @@ def _spike_and_slab(factors: Array, weight: Array, acting: float, pool: int = 0)
     if acting >= 1.0:
         return SizePrior(factors, chance)
     return SizePrior(np.append(0.0, factors), np.append(1 - acting, chance), pool)
-
-
-def usual_sizes() -> SizePrior:
-    """Return the prior on the factors of a family that every robot has, most of them a little and few much."""
-    factors = 2.0 ** np.arange(-7, 4, dtype=float)
-    # normal in the log, of mean −2.5 and sigma 1.75
-    return _spike_and_slab(factors, np.exp(-0.5 * ((np.log(factors) + 2.5) / 1.75) ** 2), 1.0)
 
 
 def _with_known_size(p: Parameter) -> Parameter:

@@ -115,7 +115,7 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
         base=base,
         floor=base[1],
         top=max(14.0, min(F[1] - 14.0, B[1] - 14.0, *(p[1] - 24.0 for p in others))),
-        others=_joined((p, n) for p, (n, _) in zip(others, balls, strict=True) if n != name),
+        others=_join_labels((p, n) for p, (n, _) in zip(others, balls, strict=True) if n != name),
         away=away,
         position=(x, y, z),
         line="rod" if attached else "" if balls else "sight",
@@ -126,7 +126,7 @@ def _drawing(cell: Cell, drive: Drive) -> MountingDrawing:
     )
 
 
-def _joined(others: Iterable[tuple[Point, str]]) -> tuple[tuple[Point, str], ...]:
+def _join_labels(others: Iterable[tuple[Point, str]]) -> tuple[tuple[Point, str], ...]:
     """Return what is drawn at each place, with all the names of what is seen there."""
     out: dict[Point, str] = {}
     for p, name in others:

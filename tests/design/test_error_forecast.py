@@ -12,7 +12,6 @@ from planner.design.free_parameters import undeclared_errors
 from planner.design.target_errors import foresee_targets
 from planner.design.unnamed_errors import identified_errors
 from planner.effects.usual_errors import is_usual, usual_factors
-from planner.inference.posterior_fit import usual_sizes
 from planner.model.tool_error import aligned_rows, uniform_states
 from planner.runs.run import Samples
 
@@ -49,10 +48,8 @@ def test_robots_keep_the_error_that_is_foreseen(name):
     assert half.error > same.error == foreseen.left > twice.error
 
 
-def test_a_plan_and_an_identification_expect_the_same_sizes_of_what_every_robot_has():
+def test_one_robot_in_thirteen_has_more_than_is_usual_of_what_every_robot_has():
     factors, probability = usual_factors()
-    assert np.array_equal(factors, usual_sizes().factors)
-    assert np.allclose(probability, usual_sizes().probability, rtol=1e-12, atol=0)
     assert probability[factors > 1].sum() == pytest.approx(1 / 13, abs=0.03)  # docs/effects.md
 
 
@@ -69,9 +66,9 @@ def test_targets_are_within_what_is_foreseen_of_robots_that_have_little_of_some_
     names, moved = aligned_rows(Samples.at(q), setup_of(cell), effects)
     at = [unknown.model.names.index(n) for n in names if n in unknown.model.names]
     moved = moved[:, [n in unknown.model.names for n in names]] * unknown.prior[at]
-    limits, other = {"before": [], "after": []}, usual_sizes()  # of the identification
+    limits, (sizes, often) = {"before": [], "after": []}, usual_factors()
     for _ in range(500):  # robots: the few that have much decide the limit
-        few = {g: 4 * rng.choice(other.factors, p=other.probability) for g in dict.fromkeys(groups) if is_usual(g)}
+        few = {g: 4 * rng.choice(sizes, p=often) for g in dict.fromkeys(groups) if is_usual(g)}
         size = np.array([few.get(g, 1.0) for g in groups])
         true = size * rng.standard_normal(len(size))
         read = white @ true + rng.standard_normal(len(white))

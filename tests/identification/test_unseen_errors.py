@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.effects.usual_errors import usual_factors
 from planner.inference.even_sizes import spread_evenly
-from planner.inference.posterior_draws import RandomEffects, SizeDraw, draw_sizes
-from planner.inference.posterior_fit import usual_sizes
+from planner.inference.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.model.identification_document import UnseenError
 from planner.tracing.trace import trace
 from planner.workflow.identification import identify
@@ -32,7 +32,7 @@ def test_a_size_that_no_reading_determines_keeps_its_prior():
     """A family of a column of zeros, beside one that the readings show."""
     rng = np.random.default_rng(0)
     columns = np.column_stack([np.zeros(60), rng.normal(size=60)])
-    prior = usual_sizes()
+    prior = SizePrior(*usual_factors())
     model = RandomEffects(
         columns, columns[:, 1] * 2.0 + 0.1 * rng.normal(size=60), np.array([0, 1]), np.full((60, 1), 0.01),
         (prior, prior), np.eye(1),
