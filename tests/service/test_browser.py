@@ -44,6 +44,7 @@ def page(address):
 
 def check_page(page, name=None):
     """No rule of accessibility is broken, no script failed, nothing scrolls sideways; it looks as the kept picture."""
+    page.wait_for_load_state("load")  # else its style may not have come
     found = Axe().run(page, options=RULES).response["violations"]
     assert not found, [(v["id"], v["nodes"][0]["html"]) for v in found]
     assert not page.faults
