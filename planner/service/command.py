@@ -155,7 +155,7 @@ def announce(address: str, folder: Path, open_page: bool) -> None:
 
 
 def free_port(host: str, port: int) -> int | None:
-    """Return the first port from ``port`` on at which nobody answers; None where edbb does, whose page it shows."""
+    """Return the first port from ``port`` on at which nobody answers; None where this service does, which it shows."""
     for there in range(port, port + 10):  # 10: ports that other programs may have
         asked = HTTPConnection(host, there, timeout=2)  # [s]; it is this machine
         try:

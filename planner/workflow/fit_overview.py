@@ -49,12 +49,11 @@ def fit_overview(found: Calibration) -> Summary:
 
 def _summary_facts(summary: CalibrationSummary) -> Iterator[Fact]:
     """Say the verdict, the one figure with its meaning, and why it is not what the plan expected."""
+    yield "verdict", summary.headline
     if summary.figure and summary.tolerance is None:  # the headline has the figure
-        yield "verdict", f"{summary.headline}, {summary.meaning}"
-    else:
-        yield "verdict", summary.headline
-        if summary.figure:
-            yield "within", f"{summary.figure}  {summary.meaning}"
+        yield "with", summary.meaning.removeprefix("with ")
+    elif summary.figure:
+        yield "within", f"{summary.figure}  {summary.meaning}"
     if summary.planned and summary.planned.startswith("Planned"):
         yield "planned", summary.planned.removeprefix("Planned: ")
 

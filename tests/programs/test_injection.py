@@ -5,7 +5,7 @@ from dataclasses import fields, is_dataclass, replace
 from functools import cache
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import tests.programs.sessions as sessions
@@ -77,6 +77,7 @@ CIRCLES = [name for name in NAMES if load_dialect(name).circle is not None]
 @pytest.mark.parametrize("name", NAMES)
 @settings(max_examples=12, deadline=None)
 @given(text=TEXT, stem=TEXT, kind=st.sampled_from(sorted(PROGRAMS)))
+@example(text="///TOOL 7", stem="", kind="continuous")
 def test_no_text_changes_the_statements(name: str, text: str, stem: str, kind: str) -> None:
     hostile = _with_text(PROGRAMS[kind], text)
     assert isinstance(hostile, Program)

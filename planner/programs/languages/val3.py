@@ -13,7 +13,7 @@ import planner.programs.languages.declared as said
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 
-_REMARKS = re.compile(r"<!--(?:(?!-->).)*+(?:-->|(?P<unfinished>))|(?<!:)//[^\r\n]*", re.DOTALL)
+_REMARKS = re.compile(r'(?P<kept>"[^"\r\n]*")|<!--(?:(?!-->).)*+(?:-->|(?P<unfinished>))|//[^\r\n]*', re.DOTALL)
 _TAG = re.compile(r"\s*(?P<tag><!\[CDATA\[|\]\]>|<[/?\w][^<>]*>)")
 _CODE_ENDS = re.compile(r"\]\]>|</code>|$", re.IGNORECASE)
 _ATTRIBUTE = re.compile(r'(?<![\w:])([\w:]++)="([^"]*+)"')
@@ -118,8 +118,9 @@ def _instruction(place: tuple[int, int, str]) -> Iterator[st.Statement]:
 
 
 def _blank(remark: re.Match[str]) -> str:
-    """Return a remark as blanks, its line ends kept; one that does not end stays."""
-    return re.sub(r"[^\r\n]", " ", remark[0]) if remark["unfinished"] is None else remark[0]
+    """Return a remark as blanks, its line ends kept; one that does not end stays, and so does a text in quotes."""
+    stays = remark["kept"] is not None or remark["unfinished"] is not None
+    return remark[0] if stays else re.sub(r"[^\r\n]", " ", remark[0])
 
 
 def parse(text: str) -> Iterator[st.Statement]:
