@@ -51,7 +51,7 @@ def _summary_facts(summary: CalibrationSummary) -> Iterator[Fact]:
     """Say the verdict, the one figure with its meaning, and why it is not what the plan expected."""
     yield "verdict", summary.headline
     if summary.figure and summary.tolerance is None:  # the headline has the figure
-        yield "with", summary.meaning.removeprefix("with ")
+        yield "tool", summary.meaning
     elif summary.figure:
         yield "within", f"{summary.figure}  {summary.meaning}"
     if summary.planned and summary.planned.startswith("Planned"):
