@@ -125,7 +125,8 @@ def remove(path: Path) -> None:
             return
         for part in (path, *path.rglob("*")):  # Windows removes no file that is read-only
             with suppress(OSError):
-                os.chmod(part, 0o700)
+                if not part.is_symlink():  # what it leads to is no part of the draft
+                    os.chmod(part, 0o700)
 
 
 def put_back(aside: Path, target: Path) -> bool:

@@ -8,10 +8,7 @@ LARGEST_STEP = 0.1  # [rad] of any joint in one iteration
 JACOBIAN_STEP = 1e-6  # [rad] of the numeric Jacobian
 REACHED = 1e-7  # [m and rad] by which the nominal arm may miss a pose that it reaches
 LOST_DIRECTION_SHARE = 1e-7  # of the largest singular value: below, the arm has lost a direction
-PLACE_WEIGHTS = (
-    300.0,
-    1e5,
-)  # [1/m] of a few-axes arm's tool point, a turn counting 1/rad: at last a turn moves it by 10 nm
+PLACE_WEIGHTS = (300.0, 1e5)  # [1/m] of a few-axes arm's place, a turn counting 1/rad: which at last moves it 10 nm
 MOVE_WEIGHT = 1e-3  # [1/rad] the same of a joint's own move: it decides where no place or turn does
 SINGULAR_SHARE = 0.2  # of an arm's usual smallest singular value: below, it is near a singular position
 COARSE_ARM_SIGMAS = 10.0  # of an angle's error before calibration: so far may a correction of a coarse arm move

@@ -17,7 +17,7 @@ from planner.effects.compliance import JOINT_COMPLIANCE, compliance_parameters
 from planner.effects.effect import Effect, Parameter, Place, joint_place
 from planner.effects.nonparametric import gear_curve
 from planner.effects.sizes import GEAR_CURVE_SIZE, UNKNOWN_PRIOR
-from planner.effects.usual_errors import typical_factor, usual_errors
+from planner.effects.usual_errors import TYPICAL_FACTOR, usual_errors
 from planner.kinematics.robot import Robot
 from planner.model.model import Model
 from planner.model.tool_error import ToolError, uniform_states
@@ -247,7 +247,7 @@ def _expected_usual(cell: Cell, setup: MeasurementSetup, samples: Samples) -> li
     for name, own in usual_errors(Excitation.of(setup, samples), planned=True):
         kind, _, joint = name.partition(", joint ")
         place = joint_place(int(joint) - 1) if joint else Place("base")
-        size = typical_factor() * cell.robot.priors.factor(name)
+        size = TYPICAL_FACTOR * cell.robot.priors.factor(name)
         parameters = tuple(replace(p, prior=p.prior * size, group=name) for p in own)
         out.append(Effect(kind, place, parameters, "", np.inf, "sizes that plans expect of every robot"))
     return out

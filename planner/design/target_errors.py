@@ -9,7 +9,7 @@ from planner.common.units import MM, Array
 from planner.design.assumptions import LIMIT_QUANTILE
 from planner.design.expected_errors import ExpectedErrors
 from planner.design.free_parameters import UndeclaredErrors
-from planner.effects.usual_errors import is_usual, typical_factor, usual_factors
+from planner.effects.usual_errors import TYPICAL_FACTOR, is_usual, usual_factors
 from planner.model.tool_error import aligned_rows, uniform_states
 from planner.model.use_statement import ToolName
 from planner.runs.run import Samples
@@ -85,7 +85,7 @@ def _target_limits(moved: Array, white: Array, usual: np.ndarray, doubt: float) 
     # each family's sizes as often as they are likely, so that the limit hangs less on the draws
     even = np.tile((np.arange(robots) + 0.5) / robots, (usual.max(initial=-1) + 1, 1))
     drawn = factors[np.searchsorted(np.cumsum(probability)[:-1], rng.permuted(even, axis=1))]
-    sizes = drawn[usual[rare]].T / typical_factor()
+    sizes = drawn[usual[rare]].T / TYPICAL_FACTOR
     seen = sizes[:, :, None] * (own.T @ (own - rest @ taken_up)) * sizes[:, None]
     normal = rng.standard_normal((robots, len(sizes.T), 1))
     left = np.linalg.solve(np.linalg.cholesky(seen + np.eye(len(sizes.T))).transpose(0, 2, 1), normal)[..., 0]

@@ -23,17 +23,13 @@ from planner.effects.sizes import BASE_TURN, LOST_MOTION, UNSEEN_LOAD
 from planner.runs.run import Samples
 
 BASE_BY_PLACE = "base by the place of the "  # first words of their names
+TYPICAL_FACTOR = 0.25  # [1] on their sizes: most robots have little and few much, so sums of several mostly are
 LOST_MOTION_OF, BEYOND_LOADS = "lost motion, joint ", "loads not measured, joint "
 
 
 def is_usual(family: str) -> bool:
     """Tell whether a family, by its name, is one of :func:`usual_errors`."""
     return family.startswith((BASE_BY_PLACE, LOST_MOTION_OF, BEYOND_LOADS))
-
-
-def typical_factor() -> float:
-    """Return the factor on such sizes that sums of several mostly have: most robots have little of each, few much."""
-    return 0.25
 
 
 def usual_factors() -> tuple[Array, Array]:

@@ -63,7 +63,7 @@ def approach_chart(facts: CalibrationFacts) -> Chart:
     joints = np.arange(1, sense.shape[1] + 1)
     across = 0.14 * golden_steps(len(which))
     panels = []
-    for stage, side in ((facts.placed_stage, facts.placed_stage.name), (facts.written_stage, facts.written_stage.name)):
+    for stage in (facts.placed_stage, facts.written_stage):
         error = to_mm(error_along(stage.held_residual))
         few, x = error[which], joints + 0.2 * direction[which] + across[:, None]
         cloud = Series("one reading", x.ravel(), np.repeat(few, len(joints)), BLUE, "points", size=3.0, opacity=0.35)
@@ -74,7 +74,9 @@ def approach_chart(facts: CalibrationFacts) -> Chart:
         span = 1.08 * float(np.abs(few).max()) or 1.0
         label = "joint: left came from above, right from below"
         panels.append(
-            Panel(side, label, f"error ({unit})", (cloud, means), (ReferenceLine(0.0, ""),), y_range=(-span, span))
+            Panel(
+                stage.name, label, f"error ({unit})", (cloud, means), (ReferenceLine(0.0, ""),), y_range=(-span, span)
+            )
         )
     caption = (
         "Two means of a joint that differ tell of backlash or friction. Where positions are read, the error is the "

@@ -14,7 +14,7 @@ from planner.kinematics.bodies import Body, rotation_from_z
 from planner.kinematics.chain import Chain
 from planner.kinematics.geometry import bar_state, pose
 from planner.motion.collision.scene import SceneBody, build_scene, mesh_faces
-from planner.report.chart import ORANGE
+from planner.report.chart import ORANGE, hex_colour
 from planner.report.formatting import duration_text
 from planner.report.plan_data import sample_drive
 from planner.runs.run import Mounting
@@ -76,11 +76,6 @@ def _turn_profile(r: Array, z: Array, around: int = FACETS_AROUND) -> Mesh:
     row, column = np.divmod(np.arange((len(r) - 1) * around), around)
     a, b = row * around + column, row * around + (column + 1) % around
     return Mesh(vertices, np.vstack([np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)]))
-
-
-def hex_colour(name: str) -> Array:
-    """Return red, green and blue of ``#RRGGBB``, (3,) 0 … 255."""
-    return np.array([int(name[k : k + 2], 16) for k in (1, 3, 5)], dtype=float)
 
 
 def lit_colours(mesh: Mesh, colours: tuple[str, ...]) -> Array:

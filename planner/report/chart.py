@@ -18,6 +18,11 @@ Span = tuple[float, float]
 ROLES = {"calibrate": BLUE, "repeat": PURPLE, "validate": ORANGE, "mount": BLACK}
 
 
+def hex_colour(name: str) -> Array:
+    """Return red, green and blue of ``#RRGGBB``, (3,) 0 … 255."""
+    return np.array([int(name[k : k + 2], 16) for k in (1, 3, 5)], dtype=float)
+
+
 @dataclass(frozen=True)
 class Series:
     """One line, set of points, or set of horizontal bars.

@@ -135,9 +135,9 @@ def embed_charts(*reports: str) -> str:
     """Return the charts of a report as part of another page; of two reports those of the same name side by side."""
     figure = re.compile(r'<figure class="chart" id="(\w+)" aria-label="(.*?)">.*?</figure>', re.DOTALL)
     charts = [{m[1]: m for m in figure.finditer(html)} for html in reports]
-    rows = [[c[name] for c in charts] for name in charts[0] if all(name in c for c in charts)] if charts else []
-    sections = (f"<section><h3>{m[2]}</h3>{m[0]}</section>" for row in rows for m in row)
-    return _shadow_root(reports[0], f'<div class="pairs">{"".join(sections)}</div>') if rows else ""
+    shared = [c[name] for name in charts[0] if all(name in c for c in charts) for c in charts]
+    sections = "".join(f"<section><h3>{m[2]}</h3>{m[0]}</section>" for m in shared)
+    return _shadow_root(reports[0], f'<div class="pairs">{sections}</div>') if shared else ""
 
 
 def _shadow_root(html: str, inside: str) -> str:

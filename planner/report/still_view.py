@@ -12,7 +12,8 @@ from typing import ClassVar
 import numpy as np
 
 from planner.common.units import Array
-from planner.report.cell_view import STAND, CellView, Mesh, hex_colour, lit_colours
+from planner.report.cell_view import STAND, CellView, Mesh, lit_colours
+from planner.report.chart import hex_colour
 from planner.report.svg_backend import png_base64
 
 SPOTS = {"calibrate": "#0072B2", "repeat": "#009E73", "validate": "#CC79A7", "mount": "#E69F00"}  # as there

@@ -25,6 +25,7 @@ from planner.report.chart import (
     ReferenceLine,
     Series,
     Span,
+    hex_colour,
     linear_ticks,
     log_ticks,
 )
@@ -101,8 +102,8 @@ def _panel(panel: Panel, named: set[str]) -> str:
     up = 0.2 if any(s.texts for s in panel.series) else 0.0  # of a row: the middle of a bar that has its text below
     names = [(y.percent(k - up), name) for k, name in enumerate(panel.y_names)]
     down = [(p, escape(t)) for p, t in names] or y.ticks(max(3, panel.height // 55))  # [px] a tick
-    seen = [len(re.sub("<.*?>", "", t)) for _, t in down]
-    letters_down = min(wide, 34) + 2 if wide else 4 + max(seen, default=0)  # 4: the label, and gaps
+    # 4: the label, and gaps
+    letters_down = min(wide, 34) + 2 if wide else 4 + max((_count_letters(t) for _, t in down), default=0)
     style = f' style="--names:{letters_down}ch"'
     across = (
         [(x.percent(float(k)), escape(n)) for k, n in enumerate(panel.cells.x_names)] if panel.cells else x.ticks(5)
@@ -112,7 +113,7 @@ def _panel(panel: Panel, named: set[str]) -> str:
     )
     marks = "".join(f'<span class="tick" style="top:{p}%">{t}</span>' for p, t in down)
     # letters for which a phone has room below a panel, two of them between numbers
-    room, letters = (24 if wide else 38), sum(len(re.sub("<.*?>", "", t)) + 2 for _, t in across)
+    room, letters = (24 if wide else 38), sum(_count_letters(t) + 2 for _, t in across)
     step = 1 if panel.cells else -(-letters // room)
     # 97: [%] of the width, from which half of a number would stand outside
     feet = "".join(
@@ -127,6 +128,10 @@ def _panel(panel: Panel, named: set[str]) -> str:
         f'<div class="across{slanted}">{feet}</div>'
         f'<div class="label">{escape(panel.x_label)}</div></div></div>'
     )
+
+
+def _count_letters(html: str) -> int:
+    return len(re.sub("<.*?>", "", html))
 
 
 def _head(panel: Panel, named: set[str]) -> str:
@@ -237,7 +242,7 @@ def _picture(panel: Panel, x: _Axis, y: _Axis) -> str:
 
 def _colours(share: Array, scale: tuple[str, ...]) -> Array:
     """Colours (…, 3) at shares 0 … 1 of a scale of evenly spaced ones."""
-    stops = np.array([[int(c[k : k + 2], 16) for k in (1, 3, 5)] for c in scale], float)
+    stops = np.array([hex_colour(c) for c in scale])
     at = np.linspace(0.0, 1.0, len(stops))
     return np.stack([np.interp(share, at, stops[:, k]) for k in range(3)], axis=-1)
 

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -213,3 +214,25 @@ def test_the_service_takes_no_such_name(name):
     with pytest.raises(ValidationError, match=r"take another name|should match pattern"):
         TypeAdapter(FilePath).validate_python(name)
     assert TypeAdapter(FilePath).validate_python("a1/run.csv") == "a1/run.csv"
+
+
+@pytest.mark.posix
+def test_a_draft_that_cannot_be_removed_leaves_what_its_links_lead_to(tmp_path, monkeypatch):
+    other, draft = tmp_path / "mine.csv", tmp_path / "draft"
+    other.write_text("x")
+    other.chmod(0o640)
+    draft.mkdir()
+    (draft / "link").symlink_to(other)
+    (draft / "a.csv").write_text("x")
+    (draft / "a.csv").chmod(0o400)
+    refused = []
+
+    def refuse(path):
+        refused.append(path)
+        raise PermissionError
+
+    monkeypatch.setattr(shutil, "rmtree", refuse)
+    exchange.remove(draft)
+    assert refused
+    assert (draft / "a.csv").stat().st_mode & 0o777 == 0o700
+    assert other.stat().st_mode & 0o777 == 0o640

@@ -11,7 +11,8 @@ from matplotlib.image import imread
 from matplotlib.path import Path as Outline
 
 import planner.report.still_view as still
-from planner.report.cell_view import Mesh, build_cell_view, hex_colour
+from planner.report.cell_view import Mesh, build_cell_view
+from planner.report.chart import hex_colour
 from planner.report.page import VIEW_FOLDER
 from planner.session.plan_types import Plan
 

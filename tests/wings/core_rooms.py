@@ -87,7 +87,9 @@ def install_with_tests(folder, *wings):
 def run_tests(folder, environment, tests, *words):
     """Run tests in an installation, in one process."""
     left = [word for test in OF_ALL_COMMANDS for word in ("--deselect", test)]
-    return run_in(folder, environment, "-m", "pytest", "-n", 0, "-p", "no:cacheprovider", *left, *words, *tests)
+    return run_in(
+        folder, environment, "-m", "pytest", "-n", 0, "-p", "no:cacheprovider", "-m", "not long", *left, *words, *tests
+    )
 
 
 __all__ = ["ROOMS", "WINGS", "core_tests", "install_with_tests", "run_tests"]
