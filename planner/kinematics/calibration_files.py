@@ -26,7 +26,6 @@ from planner.kinematics.angle_units import degrees_text
 from planner.kinematics.bodies import Vector
 from planner.kinematics.chain import Transform
 from planner.kinematics.robot import BASE_TRANSFORMS, Loads, RobotEffect, ToolPoint
-from planner.kinematics.xacro.template_files import read_yaml
 
 
 class RobotEffectTable(StrictModel):
@@ -271,7 +270,7 @@ def urdf_of_origins(path: Path) -> bytes:
         InputError: it is no such file, or an origin lacks a number.
     """
     # 200_000: bytes; such a file has a thousand
-    content = read_yaml(path, read_bytes(path, 200_000), float)
+    content = _read_yaml(path, read_bytes(path, 200_000))
     table = content.get("kinematics", content) if isinstance(content, Mapping) else None
     entries = {k: v for k, v in table.items() if isinstance(v, Mapping)} if isinstance(table, Mapping) else {}
     if not entries:
@@ -286,6 +285,21 @@ def urdf_of_origins(path: Path) -> bytes:
             f'<child link={quoteattr(name)}/><origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/></joint>'
         )
     return "\n".join([*lines, "</robot>"]).encode()
+
+
+def _read_yaml(path: Path, data: bytes) -> object:
+    try:
+        import yaml
+    except ImportError as err:
+        raise InputError(
+            f"{path}: is YAML, and the package that reads it is not installed: pip install pyyaml"
+        ) from err
+    try:
+        if b"<<" in data:  # a few lines of them grow without end
+            raise ValueError("a table that merges another (<<) is not read; write out its entries")
+        return yaml.safe_load(data)
+    except (yaml.YAMLError, ValueError, RecursionError) as err:
+        raise InputError(f"{path}: cannot be read as YAML ({err})") from err
 
 
 def _origin(path: Path, name: str, entry: object) -> Sequence[float]:

@@ -34,7 +34,7 @@ from planner.kinematics.urdf_elements import (
 from planner.kinematics.urdf_parked import UNITS, Branches, Parking, park_joints, read_branches
 from planner.kinematics.urdf_tree import UrdfError, find_bodily_links, find_child, link_of, read_tree, rigid_groups
 from planner.kinematics.urdf_vocabulary import check_vocabulary
-from planner.kinematics.xacro.expander import expand_template
+from planner.kinematics.xacro_templates import expand_template
 
 SHAPELESS = "no collision shape"
 LONGEST = 50.0  # [m] to either side of a linear track: 47 m are on the market

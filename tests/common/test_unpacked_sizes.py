@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError
-from planner.kinematics.packages import Packages
-from planner.kinematics.xacro.expander import expand_template
 from planner.runs.mat_files import mat_lines
 
 
@@ -55,12 +53,3 @@ CornerSeeker.of(Board(file)).read(Path({str(path)!r}))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert "InputError" in done.stderr
     assert "more than 200000000 pixels" in done.stderr
-
-
-def test_a_template_that_writes_texts_into_one_place_without_end(tmp_path):
-    path = tmp_path / "robot.urdf.xacro"
-    levels = "".join(f'<xacro:macro name="m{k + 1}">' + f"<xacro:m{k}/>" * 10 + "</xacro:macro>" for k in range(5))
-    text = f'<xacro:macro name="m0">{"x" * 300}</xacro:macro>{levels}<xacro:m5/>'
-    path.write_text(f'<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r">{text}</robot>')
-    with pytest.raises(InputError, match="more work than any robot needs"):
-        expand_template(path, Packages({}))

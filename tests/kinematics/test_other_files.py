@@ -101,6 +101,6 @@ def test_a_template_is_expanded_and_kept_as_a_urdf(tmp_path):
 
 def test_a_template_that_cannot_be_expanded_says_what_and_where(tmp_path):
     (tmp_path / "arm.urdf.xacro").write_text(XACRO.replace("${reach / 2}", "${rich / 2}"))
-    told = re.escape("in the expression 'rich / 2': the name 'rich' is not known (at arm.urdf.xacro, <origin xyz=")
+    told = re.escape("name 'rich' is not defined when evaluating expression 'rich / 2' (at arm.urdf.xacro, macro part)")
     with pytest.raises(InputError, match=told):
         load_robot(tmp_path / "arm.urdf.xacro", tip="l6")
