@@ -2,7 +2,7 @@
 
 import numpy as np
 
-KEPT = 1.0 + 1e-6  # share of a limit that still counts as kept: rounding and ruckig's tolerance
+KEPT = 1.0 + 1e-6  # share of a limit that still counts as kept: rounding
 
 
 def largest_share(report):
