@@ -11,6 +11,7 @@ import numpy as np
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array
 from planner.design.assumptions import LIMIT_QUANTILE
+from planner.design.drawn_errors import draw_remaining_errors
 from planner.model.model import Model
 from planner.runs.run import Samples
 
@@ -31,6 +32,10 @@ class ExpectedErrors(Protocol):
     @property
     def of_gauge(self) -> np.ndarray:
         """Which of them only say where the gauge stands, (P,) bool."""
+
+    @property
+    def usual(self) -> np.ndarray:
+        """Family of those of which most robots have little and few much, (P,) int; −1 of all others."""
 
     @property
     def weight_per_prior(self) -> Array:
@@ -154,23 +159,34 @@ def expected_error(errors: ExpectedErrors, square: float) -> float:
 
 def error_limit(errors: ExpectedErrors, white: Array) -> float:
     """Return the error of the tool [m] that 95 of 100 robots stay below after readings ``white`` (n, P)."""
-    return errors.state_limit(square_error_limit(errors.weight_per_prior, white, errors.doubt))
+    return errors.state_limit(square_error_limit(errors.weight_per_prior, white, errors.usual, errors.doubt))
 
 
 def share_below(errors: ExpectedErrors, white: Array, until: float) -> float:
     """Return the share of robots whose tool errs by no more than ``until`` [m] after readings ``white`` (n, P)."""
-    squares = np.sort(_draw_squares(_weights_of_squares(errors.weight_per_prior, white), doubt=errors.doubt))
+    squares = np.sort(_draw_remaining_squares(errors.weight_per_prior, white, errors.usual, errors.doubt))
     below = bisect_right(range(len(squares)), until, key=lambda k: errors.state_limit(float(squares[k])))
     return below / len(squares)
 
 
-def square_error_limit(weight: Array, white: Array, doubt: float = 0.0) -> float:
+def square_error_limit(weight: Array, white: Array, usual: np.ndarray | None = None, doubt: float = 0.0) -> float:
     """Return the square [m²] that 95 of 100 robots stay below, of errors of unit size after readings ``white`` (n, P).
 
-    Its weights are the eigenvalues of ``weight`` (P, P) times the covariance that the readings leave; ``doubt`` as of
-    :class:`ExpectedErrors`.
+    ``weight`` (P, P) as ``weight_per_prior``, ``usual`` and ``doubt`` as of :class:`ExpectedErrors`.
     """
-    return limit_of_sum(_weights_of_squares(weight, white), doubt=doubt)
+    return float(np.quantile(_draw_remaining_squares(weight, white, usual, doubt), LIMIT_QUANTILE))
+
+
+def _draw_remaining_squares(weight: Array, white: Array, usual: np.ndarray | None, doubt: float) -> Array:
+    """Return the square of the tool's error [m²] of each robot drawn.
+
+    Without ``usual`` families it is a sum of squares, weighted by the eigenvalues of ``weight`` times the covariance
+    that the readings leave.
+    """
+    if usual is None or (usual < 0).all():
+        return _draw_squares(_weights_of_squares(weight, white), doubt=doubt)
+    left = draw_remaining_errors(white, usual, doubt)
+    return np.asarray((left * (weight @ left)).sum(axis=0))
 
 
 def _weights_of_squares(weight: Array, white: Array) -> Array:

@@ -17,7 +17,7 @@ from planner.effects.compliance import JOINT_COMPLIANCE, compliance_parameters
 from planner.effects.effect import Effect, Parameter, Place, joint_place
 from planner.effects.nonparametric import gear_curve
 from planner.effects.sizes import GEAR_CURVE_SIZE, UNKNOWN_PRIOR
-from planner.effects.usual_errors import TYPICAL_FACTOR, usual_errors
+from planner.effects.usual_errors import TYPICAL_FACTOR, is_usual, usual_errors
 from planner.kinematics.robot import Robot
 from planner.model.model import Model
 from planner.model.tool_error import ToolError, uniform_states
@@ -195,6 +195,14 @@ class UndeclaredErrors:
     def of_gauge(self) -> np.ndarray:
         """Which errors only say where the gauge stands, (P,) bool."""
         return np.array([p.group == "gauge" for p in self.model.parameters])
+
+    @property
+    def usual(self) -> np.ndarray:
+        """Family of those of which most robots have little and few much, (P,) int; −1 of all others."""
+        # errors with a name are the model's first parameters, in their order
+        groups = [p.group for p in self.model.parameters[: len(self.of_gauge)]]
+        families = list(dict.fromkeys(filter(is_usual, groups)))
+        return np.array([families.index(g) if g in families else -1 for g in groups])
 
     def state(self, square: float) -> float:
         """Return the error of the tool [m], rms over robots and workspace, of a mean square [m²]."""

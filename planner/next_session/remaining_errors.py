@@ -190,6 +190,11 @@ class RemainingErrors:
         return cls(before, model, root, gauge, weight, whole, where, stands)
 
     @property
+    def usual(self) -> np.ndarray:
+        """No family (r,): the runs so far have taught the sizes."""
+        return np.full(self.root.shape[1], -1)
+
+    @property
     def untraced_error(self) -> float:
         """Error of the tool [m] before the session, where it counts."""
         return self.state(float(np.trace(self.weight_per_prior)))

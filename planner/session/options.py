@@ -78,7 +78,7 @@ class PlanOptions:
     until_mm: Annotated[
         float | None,
         Option(
-            "as many poses as bring the error over the workspace down to this, 95 % sure",
+            "as many poses as bring the error over the workspace (rms) down to this, 95 % sure",
             min=0.001,
             max=10.0,
             max_served=10.0,

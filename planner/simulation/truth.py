@@ -20,6 +20,7 @@ from planner.design.free_parameters import expected_effects
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.effects.effect import Effect, Parameter, parameter_keys, unit_spellings
+from planner.effects.usual_errors import TYPICAL_FACTOR, is_usual, usual_factors
 from planner.model.model import Model
 from planner.runs.run import SIMULATED, Samples
 from planner.simulation.set_up import (
@@ -244,8 +245,21 @@ def _add_change(file: TruthFile, change: str) -> TruthFile:
 
 
 def draw_expected_truth(cell: Cell, seed: int, samples: Samples) -> Truth:
-    """Draw a robot as the plan that measures ``samples`` expects it: :func:`draw_truth` with all of its forecast."""
-    return draw_truth(cell, seed, expected_effects(cell, setup_of(cell), samples))
+    """Draw a robot as the plan that measures ``samples`` expects it: :func:`draw_truth` with all of its forecast.
+
+    Of what every robot has in some size it has little, or rarely much, as the forecast counts.
+    """
+    return draw_truth(cell, seed, [_draw_size(e, seed) for e in expected_effects(cell, setup_of(cell), samples)])
+
+
+def _draw_size(effect: Effect, seed: int) -> Effect:
+    """Return an effect with the size that a robot has of it, where robots differ much in that."""
+    own, (factors, probability) = effect.make(), usual_factors()
+    family = own[0].group
+    if not is_usual(family):
+        return effect
+    drawn = np.random.default_rng([seed, crc32(family.encode())]).choice(factors, p=probability) / TYPICAL_FACTOR
+    return replace(effect, parameters=tuple(p.with_prior(p.prior * drawn) for p in own))
 
 
 def draw_truth(cell: Cell, seed: int, more: Sequence[Effect] = ()) -> Truth:

@@ -7,7 +7,7 @@ import pytest
 
 from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
-from planner.design.expected_errors import ErrorForecast
+from planner.design.expected_errors import ErrorForecast, error_limit, share_below
 from planner.design.free_parameters import undeclared_errors
 from planner.design.target_errors import foresee_targets
 from planner.design.unnamed_errors import identified_errors
@@ -41,7 +41,7 @@ def test_robots_keep_the_error_that_is_foreseen(name):
     left = true - np.linalg.solve(normal, np.einsum("nrp,nrs,mns->pm", rows, weight, read)).T
     error = np.sqrt(np.einsum("mp,pq,mq->m", left, unknown.weight, left))
     assert np.sqrt((error**2).mean()) == pytest.approx(foreseen.left, rel=0.1)
-    assert 0.9 <= (error <= foreseen.at_most).mean() <= 0.99
+    assert (error <= foreseen.at_most).mean() >= 0.9  # few robots have more of some errors, see below
     assert foreseen.left < foreseen.at_most < foreseen.before
     half, same, twice = foreseen.by_number
     assert (half.poses, same.poses, twice.poses) == (30, 60, 120)
@@ -66,7 +66,7 @@ def test_targets_are_within_what_is_foreseen_of_robots_that_have_little_of_some_
     names, moved = aligned_rows(Samples.at(q), setup_of(cell), effects)
     at = [unknown.model.names.index(n) for n in names if n in unknown.model.names]
     moved = moved[:, [n in unknown.model.names for n in names]] * unknown.prior[at]
-    limits, (sizes, often) = {"before": [], "after": []}, usual_factors()
+    limits, rms, (sizes, often) = {"before": [], "after": []}, [], usual_factors()
     for _ in range(500):  # robots: the few that have much decide the limit
         few = {g: 4 * rng.choice(sizes, p=often) for g in dict.fromkeys(groups) if is_usual(g)}
         size = np.array([few.get(g, 1.0) for g in groups])
@@ -77,8 +77,12 @@ def test_targets_are_within_what_is_foreseen_of_robots_that_have_little_of_some_
         for when, errors in (("before", true), ("after", left)):
             errors_at = np.linalg.norm((moved @ errors[at]).reshape(-1, 3), axis=1)
             limits[when].append(np.quantile(errors_at, 0.95))
+        rms.append(np.sqrt((errors_at**2).mean()))
     assert np.quantile(limits["before"], 0.95) == pytest.approx(foreseen.before, rel=0.12)
     assert np.quantile(limits["after"], 0.95) == pytest.approx(foreseen.within, rel=0.15)
+    limit = error_limit(unknown, white)
+    assert np.quantile(rms, 0.95) == pytest.approx(limit, rel=0.15)
+    assert (np.array(rms) <= 0.7 * limit).mean() == pytest.approx(share_below(unknown, white, 0.7 * limit), abs=0.05)
 
 
 @pytest.mark.slow
