@@ -140,6 +140,12 @@ def embed_charts(*reports: str) -> str:
     return _shadow_root(reports[0], f'<div class="pairs">{sections}</div>') if shared else ""
 
 
+def embed_still(report: str) -> str:
+    """Return the still picture of a report's view, with its colours' meaning, for another page; or nothing."""
+    found = re.search(r'<svg class="still".*?</svg>.*?<p class="keys quiet">.*?</p>', report, re.DOTALL)
+    return _shadow_root(report, found[0].replace("</div>", "")) if found else ""
+
+
 def _shadow_root(html: str, inside: str) -> str:
     """Return a part of a report with that report's style, which reaches nothing of the page around it."""
     style = "".join(re.findall(r"<style>(.*?)</style>", html, re.DOTALL))

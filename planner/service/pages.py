@@ -22,7 +22,7 @@ from planner.common.files import read_utf8
 from planner.common.schema import read_json
 from planner.documents.baseline import NAME as BASELINE
 from planner.model.identification_document import Identification
-from planner.report.page import embed_charts, embed_report
+from planner.report.page import embed_charts, embed_report, embed_still
 from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext, at_one_moment
 from planner.service.declared_request import typed_options
@@ -163,6 +163,7 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
         files=[f for f in files if f.name not in names],
         programs=[f for f in files if f.name in names],
         charts=_charts(context, job),
+        still="".join(map(embed_still, _reports(context, job))),
         report=any(f.name == "report.html" for f in files),
         facts=plan_facts(plan, job.kind == "check-plan") if plan else [],
         notes=list(dict.fromkeys(plan.notes)) if plan else (),
@@ -178,8 +179,12 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
 
 def _charts(context: ServiceContext, *jobs: Job) -> str:
     """Return the charts of a job's report, or those that two reports have in common."""
-    pages = [context.files.path(f.sha256) for job in jobs for f in job.files if f.name == "report.html"]
-    return embed_charts(*map(read_utf8, pages)) if len(pages) == len(jobs) else ""
+    pages = _reports(context, *jobs)
+    return embed_charts(*pages) if len(pages) == len(jobs) else ""
+
+
+def _reports(context: ServiceContext, *jobs: Job) -> list[str]:
+    return [read_utf8(context.files.path(f.sha256)) for job in jobs for f in job.files if f.name == "report.html"]
 
 
 def _with_charts(page: HTMLResponse) -> HTMLResponse:

@@ -121,10 +121,12 @@ def test_from_cell_to_program_and_from_log_to_calibration(page, tmp_path):
     page.click("#plan-form button:has-text('Plan')")
     page.wait_for_selector("text=What was planned")
     plan = page.url.rpartition("/")[2]
+    page.wait_for_selector("#view svg.still")
+    check_page(page, "plan")
+    page.click("#turn")
     page.wait_for_selector("#view canvas")
     page.locator("#time").fill("100")
     assert "axes" in page.inner_text("#frame-text")
-    check_page(page, "plan")
     with page.expect_download() as program:
         page.click("section:has-text('Programs') li a >> nth=0")
     assert program.value.path().stat().st_size > 1000
