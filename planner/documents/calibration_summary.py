@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -46,11 +47,12 @@ def summarize(c: Calibration, tool: ToolName | None = None, minutes_a_pose: floa
     answer, headline, because = _verdict(c, use, used)
     mine = None if use is None else _of_tool(use, used)
     before = None if mine is None else mine.targets_within_before
+    plan = None if used != "measured" else c.planned_targets
     return CalibrationSummary(
         answer=answer,
         headline=headline,
         because=because,
-        planned=None if mine is None or used != "measured" else _planned_text(c, mine.targets_within),
+        **({} if plan is None or mine is None else _beside_plan(c, plan, mine.targets_within)),
         tolerance=None if use is None else use.tolerance,
         tool=used,
         targets_within=None if mine is None else mine.targets_within,
@@ -81,7 +83,7 @@ def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[UseAnswer
     mine = _of_tool(use, tool)
     if use.tolerance is None or mine.answer is None:
         why = f"{usual_uses_text(mine.targets_within)} {ask_for_tolerance('--tolerance-mm')}"
-        return "not known", targets_text(mine.targets_within, mine.targets_within_before), why
+        return "not known", targets_text(mine.targets_within, mine.targets_within_before, "this robot"), why
     limit = f"{float(to_mm(use.tolerance)):g} mm"
     words = {"yes": "Good enough", "no": "Not good enough", "not known": "Not known whether it is good enough"}
     before = share_text(mine.share_before)
@@ -89,14 +91,13 @@ def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[UseAnswer
     return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}."
 
 
-def _planned_text(c: Calibration, within: float) -> str | None:
-    """Say whether the targets are ``within`` what the plan expected [m], and why they are not."""
-    if (plan := c.planned_targets) is None:
-        return None
+def _beside_plan(c: Calibration, plan: PlannedTargets, within: float) -> dict[str, Any]:
+    """Return whether the targets are ``within`` what the plan expected [m], and why they are not."""
     expected, here = bound_text(plan.within), bound_text(within)
     if within <= plan.within or expected == here:
-        return f"As planned: {expected} or less was expected of a robot of this kind."
-    return f"Planned: {expected} for a robot of this kind. This run leaves {here}, because {_why_more(c, plan)}."
+        return {"as_planned": True, "planned": f"{expected} or less was expected of a robot of this kind."}
+    why = f"This run leaves {here}, because {_why_more(c, plan)}."
+    return {"as_planned": False, "planned": f"{expected} for a robot of this kind. {why}"}
 
 
 def _why_more(c: Calibration, plan: PlannedTargets) -> str:

@@ -27,7 +27,8 @@ class CalibrationSummary(DocumentSection):
         answer: whether 95 of 100 targets are within the tolerance; "not known" too where none was stated.
         headline: the same as a title.
         because: what the answer rests on, in a sentence.
-        planned: whether it is what the plan expected, and why it is not; ``None`` without a plan.
+        as_planned: whether it is what the plan expected; ``None`` without a plan.
+        planned: what the plan expected, and why it is not so.
         tolerance: that was stated [m]; ``None`` where none was.
         tool: with which tool; the figure and the next steps are of this one.
         targets_within, targets_within_before: what 95 of 100 targets stay within [m]; ``None`` where nothing is known.
@@ -36,10 +37,11 @@ class CalibrationSummary(DocumentSection):
         next_steps: two at most, what brings most first.
     """
 
-    if_any = ("planned", "tolerance_mm", "within_mm", "within_before_mm", "other_tool_within_mm")
+    if_any = ("as_planned", "planned", "tolerance_mm", "within_mm", "within_before_mm", "other_tool_within_mm")
     answer: UseAnswer
     headline: str
     because: str
+    as_planned: bool | None = None
     planned: str | None = None
     tolerance: float | None = None
     tool: ToolName
@@ -59,6 +61,7 @@ class CalibrationSummary(DocumentSection):
         """What the figure means, as far as the headline does not say it, and what another tool makes of it."""
         if self.targets_within is None or self.targets_within_before is None:
             return ""
-        said = "" if self.tolerance is None else f"{targets_text(self.targets_within, self.targets_within_before)}, "
+        targets = targets_text(self.targets_within, self.targets_within_before, "this robot")
+        said = "" if self.tolerance is None else f"{targets}, "
         other = "" if (o := self.other_tool_within) is None else f"; with {TOOLS['another']} {bound_text(o)}"
         return f"{said}with {TOOLS[self.tool]}, 95 % sure{other}"

@@ -1,6 +1,7 @@
 """What a calibrated robot is good enough for, in words: on the screen and at the top of its page."""
 
 from math import ceil, floor, log10
+from typing import Literal
 
 from planner.common.units import to_mm
 from planner.model.use_statement import ToolUse, Use
@@ -10,9 +11,9 @@ TARGET = "Targets are positions that an offline program names; taught poses do n
 Row = tuple[str, ...]
 
 
-def targets_text(within: float, uncalibrated: float) -> str:
-    """Say what 95 of 100 targets are within [m], and within what they are of the robot as it comes."""
-    return f"95 of 100 targets within {bound_text(within)}, uncalibrated {bound_text(uncalibrated)}"
+def targets_text(within: float, uncalibrated: float, of: Literal["this robot", "such robots"]) -> str:
+    """Say what 95 of 100 targets are within [m], and within what they are before calibration, and of which robots."""
+    return f"95 of 100 targets within {bound_text(within)}, {of} uncalibrated {bound_text(uncalibrated)}"
 
 
 def usual_uses_text(within: float) -> str:

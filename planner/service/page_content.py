@@ -99,7 +99,8 @@ def _what_it_tells(plan: PlanDocument) -> list[tuple[str, str]]:
         text = f"{value} ({way} is better); no choice of as many poses has better than {bound}"
         rows.append((f"index {seen.index} in m, rad", text))
     if (e := plan.foresight) is not None and e.within_mm is not None and e.within_before_mm is not None:
-        rows.insert(0, ("expected", f"{targets_text(e.within_mm * MM, e.within_before_mm * MM)}, 95 % sure"))
+        text = targets_text(e.within_mm * MM, e.within_before_mm * MM, "such robots")
+        rows.insert(0, ("expected", f"{text}, 95 % sure"))
     elif e is not None and e.error_mm is not None:
         rows.append(("error to be expected", f"{_digits(e.error_mm)} mm"))
     return rows

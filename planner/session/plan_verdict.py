@@ -51,7 +51,7 @@ def judge_plan(plan: Plan) -> PlanVerdict:
         headline = f"Expected: tool error {left}, now {bound_text(e.before)}"
         because = f"Rms {e.unknown.where}; 95 % sure below {at_most}.{goal}"
         return PlanVerdict(None, headline, because, _changes(plan, 1.0))
-    within = targets_text(targets.within, targets.before)
+    within = targets_text(targets.within, targets.before, "such robots")
     with_tool = f"with {TOOLS['measured']}"
     if targets.tolerance is None:
         answer, headline = None, f"Expected: {within}"

@@ -54,8 +54,8 @@ def _summary_facts(summary: CalibrationSummary) -> Iterator[Fact]:
         yield "tool", summary.meaning
     elif summary.figure:
         yield "within", f"{summary.figure}  {summary.meaning}"
-    if summary.planned and summary.planned.startswith("Planned"):
-        yield "planned", summary.planned.removeprefix("Planned: ")
+    if summary.planned and not summary.as_planned:
+        yield "planned", summary.planned
 
 
 def _cause_fact(line: CauseLine) -> Fact:

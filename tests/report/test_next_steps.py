@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from planner.documents.calibration import PlannedTargets
-from planner.documents.calibration_summary import _how_sure, _next_steps, _planned_text
+from planner.documents.calibration_summary import _beside_plan, _how_sure, _next_steps
 from planner.model.finding import Finding
 from planner.model.identification_document import ErrorParts
 from planner.model.use_statement import ToolUse, Use
@@ -54,11 +54,11 @@ def test_a_run_that_leaves_more_than_its_plan_says_why(unseen, parts, why):
     parts = ErrorParts(seen=parts[0], unseen=parts[1], misfit=parts[2])
     release = SimpleNamespace(parts=parts, not_shown=shown)
     by_pose, plan = SimpleNamespace(by="pose"), PlannedTargets(0.84e-3, 100)
-    found = SimpleNamespace(planned_targets=plan, n_groups=100, split=by_pose, release=release, tried=300)
-    said = f"Planned: 0.84 mm for a robot of this kind. This run leaves 1.5 mm, because {why}."
-    assert _planned_text(found, 1.5e-3) == said
+    found = SimpleNamespace(n_groups=100, split=by_pose, release=release, tried=300)
+    said = f"0.84 mm for a robot of this kind. This run leaves 1.5 mm, because {why}."
+    assert _beside_plan(found, plan, 1.5e-3) == {"as_planned": False, "planned": said}
     found.tried = None
-    assert "because no causes beyond the geometry were sought." in _planned_text(found, 1.5e-3)
+    assert "because no causes beyond the geometry were sought." in _beside_plan(found, plan, 1.5e-3)["planned"]
 
 
 @pytest.mark.parametrize(

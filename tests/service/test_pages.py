@@ -199,7 +199,7 @@ def test_the_error_to_be_expected_of_a_plan_is_told():
     assert ("error to be expected", "0.351 mm") in plan_facts(plan)
     foreseen = ForesightRecord(error_mm=0.3512, within_mm=0.8123, within_before_mm=6.4)
     told = plan_facts(PlanDocument.model_construct(foresight=foreseen, plan_id="0" * 12))
-    assert ("expected", "95 of 100 targets within 0.82 mm, uncalibrated 6.4 mm, 95 % sure") in told
+    assert ("expected", "95 of 100 targets within 0.82 mm, such robots uncalibrated 6.4 mm, 95 % sure") in told
 
 
 REPORT = """<!doctype html><html><head><style>h1 { color: red; }</style></head><body class="page">
