@@ -18,6 +18,7 @@ BANNED = (
     "which hangs", "that is all of it", "gone", "freed", "held for known", "hold for known", "to be looked at",
     "takes along", "brings along", "makes no other", "by themselves alone", "of one's own", "is no more",
     "lets expect", "whatever it is", "in vain", "as well as it can",
+    "95 of 100 robots", "95 of 100 such robots", "95 of 100 arms",  # of targets alone; of how sure it is: 95 % sure
 )  # fmt: skip
 """Turns that have a plain word in their place; whole words, small letters."""
 BANNED_ON_PAGES = ("beside", r"held(?![ -]out)", "told", "for which that holds", "whom nobody")
