@@ -143,7 +143,7 @@ class PoseLog:
         ids = list(self.rows)[-some:]
         planned = [p.length_mm for p in self.poses if p.id in ids and p.length_mm is not None]
         same = len({self.rows[k][1] for k in ids}) == 1
-        return same and len(planned) == some and np.ptp(planned) * MM > FAR_FROM_PLAN
+        return same and len(planned) == some and float(np.ptp(planned)) * MM > FAR_FROM_PLAN
 
     def run(self) -> Run:
         """Return the run measured so far, in the order in which it was read."""

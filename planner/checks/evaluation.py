@@ -120,7 +120,7 @@ def possible_changes(cell: Cell, setup: MeasurementSetup, with_play: bool) -> tu
     """
     bare = list(_bare_changes(setup, with_play))
     q = uniform_states(cell, 400, 0)  # of the workspace, over which the motion of the tool is taken
-    sides = np.random.default_rng(1).choice([-1.0, 1.0], size=q.shape)
+    sides = np.random.default_rng(1).choice(np.array([-1.0, 1.0]), size=q.shape)
     samples = Samples(q, np.zeros(len(q), dtype=int), direction=sides)
     own = _by_change(tool_rows(samples, setup, _numbered_parameters(bare))[2], bare)
     moved = zip(bare, own, strict=True)

@@ -191,7 +191,7 @@ class ReleasedRobot:
         off = self.drawn_offsets[rows]
         return _DrawnMotion(names, rows, gram, (off * (gram @ off)).sum(axis=0))
 
-    def drawn_beside(self, from_middle_square: Array) -> Array:
+    def drawn_beside(self, from_middle_square: Array | np.floating) -> Array:
         """Return the square [m²] of what no parameter of each drawn robot says of the tool, (..., d).
 
         That is the rest, the drift in time, and a factor on all lengths, which an alignment in the middle of the

@@ -100,7 +100,7 @@ def axis_percent(q: Array, *, tool_speed: ArrayLike, tool_jacobian: ToolJacobian
     travel = np.linalg.norm(np.einsum("nij,nj->ni", jacobian, leg[run]), axis=1)
     peak = np.maximum.reduceat(travel, begin) * STRAIGHT_SPEED_RATIO
     with np.errstate(divide="ignore", invalid="ignore"):
-        fraction = np.where(peak > 0.0, tool_speed * quickest / peak, 1.0)
+        fraction = np.where(peak > 0.0, np.asarray(tool_speed, dtype=float) * quickest / peak, 1.0)
     return np.asarray(100.0 * np.minimum(fraction, 1.0))
 
 
