@@ -61,7 +61,19 @@ class CalibrationSummary(DocumentSection):
         """What the figure means, as far as the headline does not say it, and what another tool makes of it."""
         if self.targets_within is None or self.targets_within_before is None:
             return ""
-        targets = targets_text(self.targets_within, self.targets_within_before, "this robot")
-        said = "" if self.tolerance is None else f"{targets}, "
-        other = "" if (o := self.other_tool_within) is None else f"; with {TOOLS['another']} {bound_text(o)}"
-        return f"{said}with {TOOLS[self.tool]}, 95 % sure{other}"
+        said = "" if self.tolerance is None else f"{self._targets}, "
+        return f"{said}with {TOOLS[self.tool]}, 95 % sure{self._other_tool}"
+
+    @property
+    def line(self) -> str:
+        """The same in a line of the screen: with the measured tool point, or which tool it is."""
+        with_tool = "" if self.tool == "measured" else f", with {TOOLS[self.tool]}"
+        return f"{self._targets}{with_tool}, 95 % sure{self._other_tool if self.tool == 'measured' else ''}"
+
+    @property
+    def _targets(self) -> str:
+        return targets_text(self.targets_within or 0.0, self.targets_within_before or 0.0, "this robot")
+
+    @property
+    def _other_tool(self) -> str:
+        return "" if (o := self.other_tool_within) is None else f"; with {TOOLS['another']} {bound_text(o)}"

@@ -234,7 +234,7 @@ def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
     panels = tuple(
         Panel(
             title,
-            "reach from the axis of the base (mm)",
+            "reach from axis 1 (mm)",
             label,
             (measured,),
             field=ColourField(x, y, field, "error (mm)", most),
@@ -260,7 +260,7 @@ def misfit_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
     measured = Series("measured poses", *poses, BLACK, "points", size=3.0, opacity=0.6)
     field = Panel(
         f"misfit, left open: {digits(float(np.sqrt((left**2).mean())))} mm rms over the workspace",
-        "reach from the axis of the base (mm)",
+        "reach from axis 1 (mm)",
         "height (mm)",
         (measured,),
         field=ColourField(x, y, _blur(near, left), "misfit (mm)"),

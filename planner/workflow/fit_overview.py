@@ -53,7 +53,7 @@ def _summary_facts(summary: CalibrationSummary) -> Iterator[Fact]:
     if summary.figure and summary.tolerance is None:  # the headline has the figure
         yield "tool", summary.meaning
     elif summary.figure:
-        yield "within", f"{summary.figure}  {summary.meaning}"
+        yield "within", summary.line
     if summary.planned and not summary.as_planned:
         yield "planned", summary.planned
 

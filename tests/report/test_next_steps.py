@@ -6,6 +6,7 @@ import pytest
 
 from planner.documents.calibration import PlannedTargets
 from planner.documents.calibration_summary import _beside_plan, _how_sure, _next_steps
+from planner.model.calibration_summary import CalibrationSummary
 from planner.model.finding import Finding
 from planner.model.identification_document import ErrorParts
 from planner.model.use_statement import ToolUse, Use
@@ -90,3 +91,19 @@ def test_without_a_tolerance_usual_uses_say_what_it_is_enough_for(within, said):
 def test_a_cause_says_how_sure_it_is_and_what_else_it_may_be(probability, rivals, said):
     cause = Finding(effect="gear ripple", on="joint 1", value=1e-4, unit="rad", probability=probability, rivals=rivals)
     assert _how_sure(cause) == said
+
+
+@pytest.mark.parametrize(("tool", "named"), [("measured", ""), ("own", "its own tool"), ("another", "any other tool")])
+def test_a_figure_beside_a_tolerance_is_one_line_of_the_screen(tool, named):
+    other = None if tool == "another" else 1.7e-3
+    figures = {
+        "tolerance": 1e-3,
+        "targets_within": 0.34e-3,
+        "targets_within_before": 5.8e-3,
+        "other_tool_within": other,
+    }
+    said = CalibrationSummary(answer="yes", headline="Good enough for 1 mm", because="", tool=tool, **figures).line
+    assert said.startswith("95 of 100 targets within 0.34 mm, this robot uncalibrated 5.8 mm")
+    assert "95 % sure" in said
+    assert named in said
+    assert len(f"  within      {said}") <= 120
