@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__all__ = ["LazyModule", "optimize", "pl", "stats"]
+__all__ = ["LazyModule", "optimize", "pl", "psutil", "stats"]
 
 
 class LazyModule:
@@ -19,7 +19,8 @@ class LazyModule:
 
 if TYPE_CHECKING:
     import polars as pl
+    import psutil
     from scipy import optimize, stats
 else:
-    pl = LazyModule("polars")
+    pl, psutil = LazyModule("polars"), LazyModule("psutil")
     optimize, stats = LazyModule("scipy.optimize"), LazyModule("scipy.stats")  # they take most of a second

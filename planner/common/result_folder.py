@@ -14,7 +14,7 @@ from planner.common.errors import InputError
 from planner.common.exchange import draft_prefix, exchange_folders, files_in
 from planner.common.file_names import check_names
 from planner.common.files import INPUTS, document_text, has_hash
-from planner.common.system import process_exists
+from planner.common.lazy_modules import psutil
 
 MANIFEST = "manifest.json"
 SCHEMA = "edbb-manifest/1"
@@ -156,7 +156,7 @@ def _clear_dead_drafts(parent: Path) -> None:
     own = draft_prefix().rpartition(f"{os.getpid()}-")[0]
     for path in parent.glob(f"{own}*"):
         found = re.match(r"(\d+)-", path.name[len(own) :])
-        if found is None or process_exists(int(found[1])):
+        if found is None or psutil.pid_exists(int(found[1])):
             continue
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)

@@ -18,7 +18,7 @@ from multiprocessing import Pipe
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
-from planner.common.system import LOOK_S, kill_process
+from planner.common.lazy_modules import psutil
 
 A = TypeVar("A")
 T = TypeVar("T")
@@ -76,7 +76,7 @@ class ForkedTask(Generic[T]):
     def stop(self) -> None:
         """End the copy: nobody waits for it any more."""
         if self.pid:
-            kill_process(self.pid)
+            psutil.Process(self.pid).kill()
             os.waitpid(self.pid, 0)
             os.close(self._read)
             self.pid = 0
@@ -196,5 +196,5 @@ def _answer(task: Callable[[], object], write: int, parent: int) -> None:
 def _end_with_parent(parent: int) -> None:
     """End this process once its parent is gone, however that ended."""
     while os.getppid() == parent:
-        time.sleep(LOOK_S)
+        time.sleep(0.5)  # [s] between two looks
     os._exit(1)

@@ -10,15 +10,13 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from glob import glob
 from pathlib import Path
 from typing import Any
 
-LOOK_S = 0.5  # [s] between two looks whether a process lives
-_SYNCHRONIZE = 0x00100000  # access right of OpenProcess
+from planner.common.lazy_modules import psutil
 
 
 def expand_stars(words: list[str]) -> list[str]:
@@ -33,64 +31,28 @@ def expand_stars(words: list[str]) -> list[str]:
         return words
 
 
-def process_exists(pid: int) -> bool:
-    """Tell whether a process of this number lives; nothing is sent to it."""
-    if sys.platform == "win32":  # os.kill(pid, 0) would press Ctrl-C there
-        kernel = _kernel32()
-        handle = kernel.OpenProcess(_SYNCHRONIZE, False, pid)
-        if not handle:
-            return bool(ctypes.get_last_error() == 5)  # ERROR_ACCESS_DENIED
-        try:
-            return bool(kernel.WaitForSingleObject(handle, 0) == 0x102)  # WAIT_TIMEOUT
-        finally:
-            kernel.CloseHandle(handle)
-    else:
-        try:
-            os.kill(pid, 0)
-        except ProcessLookupError:
-            return False
-        except OSError:
-            return True
-        return True
-
-
-class Group(subprocess.Popen[bytes]):
-    """A program with all that it starts; ``job``: the handle of both on Windows."""
-
-    job: Any = None
-
-
-def start_in_own_group(command: list[str], **options: Any) -> Group:
+def start_in_own_group(command: list[str], **options: Any) -> subprocess.Popen[bytes]:
     """Start a program that :func:`kill_group` ends together with all that it has started."""
     if sys.platform == "win32":
-        process = Group(command, creationflags=subprocess.CREATE_NEW_PROCESS_GROUP, **options)
-        kernel = _kernel32()
-        process.job = kernel.CreateJobObjectW(None, None)
-        handle = kernel.OpenProcess(0x0101, False, process.pid)  # PROCESS_SET_QUOTA, PROCESS_TERMINATE
-        kernel.AssignProcessToJobObject(process.job, handle)
-        kernel.CloseHandle(handle)
-        return process
+        return subprocess.Popen(command, creationflags=subprocess.CREATE_NEW_PROCESS_GROUP, **options)
     else:
-        return Group(command, start_new_session=True, **options)
+        return subprocess.Popen(command, start_new_session=True, **options)
 
 
-def kill_group(process: Group) -> None:
-    """End a program of :func:`start_in_own_group` and what it has started, at once."""
+def kill_group(process: subprocess.Popen[bytes]) -> None:
+    """End a program of :func:`start_in_own_group` and what it has started, at once.
+
+    On Windows not what was started by a process that has ended.
+    """
     if sys.platform == "win32":
-        _kernel32().TerminateJobObject(process.job, 1)
-        with suppress(OSError):
-            process.kill()
+        with suppress(psutil.NoSuchProcess):
+            started = psutil.Process(process.pid).children(recursive=True)
+            for each in (psutil.Process(process.pid), *started):
+                with suppress(psutil.Error):
+                    each.kill()
     else:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
-
-
-def kill_process(pid: int) -> None:
-    """End a process at once; it is not asked."""
-    if sys.platform == "win32":
-        os.kill(pid, signal.SIGTERM)  # whatever the number: it ends
-    else:
-        os.kill(pid, signal.SIGKILL)
 
 
 def die_with(parent: int) -> None:
@@ -98,28 +60,22 @@ def die_with(parent: int) -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
         if os.getppid() != parent:  # it died before it was asked for
-            kill_process(os.getpid())
+            os.kill(os.getpid(), signal.SIGKILL)
     else:
         threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
 
 
 def _end_after(parent: int) -> None:
     """End this process once its parent is gone."""
-    if sys.platform == "win32":
-        kernel = _kernel32()
-        handle = kernel.OpenProcess(_SYNCHRONIZE, False, parent)
-        if handle:
-            kernel.WaitForSingleObject(handle, 0xFFFFFFFF)  # INFINITE
-    else:
-        while os.getppid() == parent:
-            time.sleep(LOOK_S)
+    with suppress(psutil.NoSuchProcess):
+        psutil.Process(parent).wait()
     os._exit(1)
 
 
 def give_way(steps: int) -> None:
     """Let other processes go before this one: by so many steps of ``nice``, on Windows by one class."""
     if sys.platform == "win32":
-        _kernel32().SetPriorityClass(_kernel32().GetCurrentProcess(), subprocess.BELOW_NORMAL_PRIORITY_CLASS)
+        psutil.Process().nice(psutil.BELOW_NORMAL_PRIORITY_CLASS)
     else:
         os.nice(steps)
 
@@ -202,17 +158,6 @@ def sync_folder(folder: Path) -> None:
             os.close(handle)
 
 
-def memory_bytes() -> int:
-    """Return the memory of this machine [bytes]."""
-    if sys.platform == "win32":
-        status = (ctypes.c_ulonglong * 8)()  # MEMORYSTATUSEX: two numbers of 32 bits, then seven of 64
-        ctypes.cast(status, ctypes.POINTER(ctypes.c_uint32))[0] = ctypes.sizeof(status)
-        # 4 << 30: bytes, 4 GiB, are assumed where no system tells
-        return int(status[1]) if _kernel32().GlobalMemoryStatusEx(ctypes.byref(status)) else (4 << 30)
-    else:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-
-
 def give_back_memory() -> None:
     """Give memory that is free again back to the system: on Linux with glibc, other systems do so by themselves.
 
@@ -238,29 +183,10 @@ def keep_freed_memory() -> None:
 
 
 def group_memory(group: int) -> int:
-    """Return the resident memory of all processes of a group [bytes]; 0 where the system does not tell (not Linux)."""
-    if sys.platform != "linux":
-        return 0
-    total, page = 0, os.sysconf("SC_PAGE_SIZE")
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            words = stat.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-        except OSError:
-            continue
-        if int(words[2]) == group:
-            total += int(words[21]) * page
+    """Return the resident memory of all processes of a group [bytes]; 0 on Windows, which has no such groups."""
+    total = 0
+    if sys.platform != "win32":
+        for process in psutil.process_iter():
+            with suppress(psutil.Error, OSError):
+                total += process.memory_info().rss if os.getpgid(process.pid) == group else 0
     return total
-
-
-def _kernel32() -> Any:
-    """The functions of Windows; a handle of it is as wide as a pointer."""
-    if sys.platform == "win32":
-        kernel = ctypes.WinDLL("kernel32", use_last_error=True)
-        handle, number = ctypes.c_void_p, ctypes.c_uint32
-        for name in ("OpenProcess", "GetCurrentProcess", "CreateJobObjectW"):
-            getattr(kernel, name).restype = handle
-        for name in ("WaitForSingleObject", "SetPriorityClass", "TerminateJobObject"):
-            getattr(kernel, name).argtypes = [handle, number]
-        kernel.CloseHandle.argtypes, kernel.AssignProcessToJobObject.argtypes = [handle], [handle, handle]
-        return kernel
-    raise OSError("no Windows")

@@ -18,8 +18,9 @@ from typing import Annotated
 from pydantic import Field
 
 from planner.common.errors import InputError
+from planner.common.lazy_modules import psutil
 from planner.common.schema import StrictModel
-from planner.common.system import hold_lock, process_exists, sync_folder
+from planner.common.system import hold_lock, sync_folder
 from planner.service.answers import StoredFile
 from planner.service.database import Database
 
@@ -170,7 +171,7 @@ class FileStore:
         """Remove what dead processes were receiving."""
         for path in self._drafts.iterdir():
             pid = path.name.partition("-")[0]
-            if pid.isdigit() and int(pid) != os.getpid() and not process_exists(int(pid)):
+            if pid.isdigit() and int(pid) != os.getpid() and not psutil.pid_exists(int(pid)):
                 path.unlink(missing_ok=True)
 
     def _move(self, path: Path, sha256: str) -> None:

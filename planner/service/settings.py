@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from planner.common.cluster import check_address, is_loopback
 from planner.common.errors import InputError
-from planner.common.system import memory_bytes as system_memory
+from planner.common.lazy_modules import psutil
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 TOKEN_VARIABLE = "EDBB_TOKEN"
@@ -241,7 +241,7 @@ CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
 def machine_memory() -> int:
     """Return the memory [bytes] of this machine, or of the container that it runs in."""
-    total = system_memory()
+    total = int(psutil.virtual_memory().total)
     try:
         return min(total, int(CONTAINER_LIMIT.read_text(encoding="ascii")))
     except (OSError, ValueError):  # no container, or one without a limit ("max")

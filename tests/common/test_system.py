@@ -8,6 +8,7 @@ import threading
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 import serial
 
@@ -18,15 +19,6 @@ from planner.common import exchange, system
 from planner.common.errors import InputError
 from planner.common.result_folder import MANIFEST, changed_files, draft_folder, move_all
 from tests.test_planning_packages import EXAMPLES, edbb_without
-
-
-def test_a_process_is_seen_and_nothing_is_sent_to_it():
-    sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    assert system.process_exists(sleeper.pid)
-    assert sleeper.poll() is None
-    system.kill_process(sleeper.pid)
-    sleeper.wait()
-    assert not system.process_exists(sleeper.pid)
 
 
 def test_a_star_stands_for_files_on_windows_and_brackets_for_themselves(tmp_path, monkeypatch):
@@ -84,7 +76,7 @@ def test_a_group_ends_with_all_that_it_has_started(tmp_path):
     group.wait()
     pid = (tmp_path / "pid").read_text()
     stat = Path("/proc", pid, "stat")  # a killed one that nobody waits for may stay as Z
-    while stat.read_text().rpartition(")")[2].split()[0] != "Z" if stat.exists() else system.process_exists(int(pid)):
+    while stat.read_text().rpartition(")")[2].split()[0] != "Z" if stat.exists() else psutil.pid_exists(int(pid)):
         assert time.monotonic() < until
         time.sleep(0.02)
 
