@@ -211,7 +211,7 @@ class MotionFile(OptionalKeys):
     """``[motion]``: how the measuring poses are joined.
 
     ``order``: by which time of a segment the order of the poses is the shortest, that of its slowest limit (axes, tool
-    and bar), or that of its slowest axis alone at full speed (EDBB paper, eq. 7). ``tour_cost`` is its earlier name.
+    and bar), or that of its slowest axis alone at full speed (EDBB paper, eq. 7).
     """
 
     measure: Literal["continuous", "static"] = "continuous"
@@ -223,14 +223,7 @@ class MotionFile(OptionalKeys):
     settle_s: NonNegativeFloat = 0.5
     travel_percent: Annotated[float, Field(ge=0.1, le=100)] = 100.0
     order: TourOrder = "slowest-limit"
-    tour_cost: Literal["limits", "axes"] | None = None
-    LATER: ClassVar[tuple[str, ...]] = ("order", "tour_cost")
-
-    @model_validator(mode="after")
-    def _one_order(self) -> "MotionFile":
-        if self.tour_cost and "order" in self.model_fields_set:
-            raise ValueError("order and its earlier name tour_cost are both there: leave tour_cost out")
-        return self
+    LATER: ClassVar[tuple[str, ...]] = ("order",)
 
 
 class TwistFile(StrictModel):

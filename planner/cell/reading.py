@@ -352,7 +352,7 @@ def read_motion(file: CellFile) -> MotionSettings:
         m.dwell_s,
         m.settle_s,
         m.travel_percent / 100,
-        "slowest-axis" if m.tour_cost == "axes" else m.order,
+        m.order,
     )
 
 

@@ -34,8 +34,6 @@ class CorrectionMark:
         simulated: whether the model comes of a simulated run; ``None`` where nothing beside it tells.
         day: of the model, or the one that the person has named; ``None`` where there is none.
         zeros: joints, from 1, whose zeros were set in the controller, so that they are not corrected for.
-        former_hashes: those that earlier versions wrote into the mark: of the bytes of ``robot.toml``, and of all that
-            it says, the axes of controllers too.
         hand_edits: what a person changed in the model since edbb wrote it.
     """
 
@@ -43,7 +41,6 @@ class CorrectionMark:
     simulated: bool | None = None
     day: date | None = None
     zeros: tuple[int, ...] = ()
-    former_hashes: tuple[str, ...] = ()
     hand_edits: tuple[HandEdit, ...] = ()
 
     def sentence(self, robot: str) -> str:
@@ -57,10 +54,6 @@ class CorrectionMark:
     def sentences(self, robot: str) -> list[str]:
         """Return all sentences in the head of the corrected file: the mark, and what was changed by hand."""
         return [self.sentence(robot), *(f"{edit.remark}." for edit in self.hand_edits)]
-
-    def is_of(self, found: str) -> bool:
-        """Tell whether a hash that was found, all of its digits or the first ones, is that of this model."""
-        return any(known.startswith(found[:HASH_DIGITS]) for known in (self.model_hash, *self.former_hashes))
 
 
 def refuse_second_correction(name: str, text: str, mark: CorrectionMark, again: bool) -> None:
@@ -82,7 +75,7 @@ def refuse_second_correction(name: str, text: str, mark: CorrectionMark, again: 
                 f"{name}:{line}: the file was corrected before, by a model that the mark there does not name; correct "
                 "the original program instead"
             )
-        if mark.is_of(found):
+        if mark.model_hash.startswith(found[:HASH_DIGITS]):
             raise InputError(
                 f"{name}:{line}: the file was corrected before, by this same model ({found}): a second correction "
                 "would be added to the first; correct the original program instead"

@@ -29,12 +29,11 @@ def robot_hash(robot: Robot) -> str:
     Raises:
         InputError: the files can no longer be read.
     """
-    return _hash_without(robot, NOT_COUNTED)
-
-
-def former_robot_hash(robot: Robot) -> str:
-    """Return the hash of earlier versions, for which the axes of controllers counted, as :func:`robot_hash`."""
-    return _hash_without(robot, UNMOVING)
+    content = read_toml_content(robot.path)
+    said = _drop_keys(content)
+    if robot.convention == "urdf":
+        said["urdf"] = _element(parse_urdf(robot.path.parent / str(content["urdf"]), robot.packages))
+    return canonical_hash(said)
 
 
 def model_text_hash(robot_toml: str) -> str:
@@ -42,7 +41,7 @@ def model_text_hash(robot_toml: str) -> str:
 
     What counts is as in :func:`robot_hash`.
     """
-    return canonical_hash(_drop_keys(tomllib.loads(robot_toml), NOT_COUNTED))
+    return canonical_hash(_drop_keys(tomllib.loads(robot_toml)))
 
 
 def is_model_of(robot_file: Path, digest: str) -> bool:
@@ -51,12 +50,12 @@ def is_model_of(robot_file: Path, digest: str) -> bool:
     Raises:
         InputError: it cannot be read.
     """
-    said = _drop_keys(read_toml_content(robot_file), NOT_COUNTED)
+    said = _drop_keys(read_toml_content(robot_file))
     return digest == canonical_hash(said) or has_hash(read_bytes(robot_file), digest)
 
 
-def _drop_keys(content: Mapping[str, object], keys: tuple[str, ...]) -> dict[str, object]:
-    return {key: value for key, value in content.items() if key not in (*keys, HASHES)}
+def _drop_keys(content: Mapping[str, object]) -> dict[str, object]:
+    return {key: value for key, value in content.items() if key not in (*NOT_COUNTED, HASHES)}
 
 
 def robot_hashes(content: Mapping[str, object], texts: Mapping[str, str]) -> dict[str, str]:
@@ -116,14 +115,6 @@ def _named_files(content: Mapping[str, object]) -> list[str]:
 
 def _file_content(name: str, data: bytes) -> object:
     return _element(parse_xml(data)) if Path(name).suffix == ".urdf" else data.decode().split()
-
-
-def _hash_without(robot: Robot, keys: tuple[str, ...]) -> str:
-    content = read_toml_content(robot.path)
-    said = _drop_keys(content, keys)
-    if robot.convention == "urdf":
-        said["urdf"] = _element(parse_urdf(robot.path.parent / str(content["urdf"]), robot.packages))
-    return canonical_hash(said)
 
 
 def _element(element: ET.Element) -> list[object]:

@@ -120,8 +120,8 @@ class JobCommand:
         return next((value for key, equals, value in words if equals and key == name), after)
 
     def calibrated_inputs(self) -> dict[str, str]:
-        """Return the inputs that a calibrated robot is, hash by name; jobs of earlier versions call it a baseline."""
-        return self.inputs_of("--model") or self.inputs_of("--baseline")
+        """Return the inputs that a calibrated robot is, hash by name."""
+        return self.inputs_of("--model")
 
     def inputs_of(self, option: str) -> dict[str, str]:
         """Return the inputs that an option names, hash by name: its file, or what lies in its folder."""

@@ -132,8 +132,6 @@ class PlanOptions:
         asked = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
         if not asked:
             return cell
-        if "order" in asked:
-            asked["tour_cost"] = None  # its earlier name
         file = cell.file.model_copy(update={"motion": cell.file.motion.model_copy(update=asked)})
         return replace(cell, file=file, motion=read_motion(file))
 

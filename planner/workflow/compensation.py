@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from datetime import date as Day
-from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -17,7 +16,7 @@ from planner.common.calls import called_with
 from planner.common.content_hashes import HandEdit
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.files import check_writing, encode_text, is_folder, is_new_folder, read_bytes, write_together
+from planner.common.files import check_writing, encode_text, is_folder, is_new_folder, write_together
 from planner.common.numbers import parse_number
 from planner.common.result import Result
 from planner.common.schema import read_json
@@ -38,7 +37,7 @@ from planner.documents.expected_error import NAME as EXPECTED_ERROR
 from planner.documents.expected_error import ExpectedError
 from planner.documents.zeros_set import set_zeros
 from planner.kinematics.robot import Robot
-from planner.kinematics.robot_hash import former_robot_hash, robot_hash
+from planner.kinematics.robot_hash import robot_hash
 from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.model.identification_document import Identification
 from planner.workflow.compensate_call import CompensateCall
@@ -284,13 +283,6 @@ def _model_file(path: Path, said: str) -> Path:
     return file
 
 
-def _byte_hashes(path: Path) -> tuple[str, ...]:
-    """Return the hashes by which earlier versions marked files: of the bytes as they are, and with either line end."""
-    data = read_bytes(path)
-    lines = data.replace(b"\r\n", b"\n")
-    return tuple(sha256(d).hexdigest() for d in (data, lines, lines.replace(b"\n", b"\r\n")))
-
-
 def _read_model(path: Path, force: bool) -> _Model:
     robot = load_robot(str(path), force=force)
     if robot.nominal_robot is robot:
@@ -305,10 +297,7 @@ def _read_model(path: Path, force: bool) -> _Model:
             "than good, and --force corrects all the same"
         )
     day = _build_day() or datetime.fromtimestamp(robot.path.stat().st_mtime, UTC).date()
-    former = (former_robot_hash(robot), *_byte_hashes(robot.path))
-    mark = CorrectionMark(
-        robot_hash(robot), _is_simulated(robot), day, former_hashes=former, hand_edits=robot.hand_edits
-    )
+    mark = CorrectionMark(robot_hash(robot), _is_simulated(robot), day, hand_edits=robot.hand_edits)
     return _Model(robot, known, mark)
 
 

@@ -5,7 +5,6 @@ import os
 import re
 from dataclasses import replace
 from datetime import date
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -295,17 +294,6 @@ def test_a_changed_digit_is_another_model(digit, model, tmp_path):
     file.write_text(file.read_text().replace(*digit))
     assert "by another model" in " ".join(edbb("compensate", out, "--model", model, "-o", "-").screen.split())
     assert edbb("compensate", out, "--model", model, "--again", "-o", "-").returncode == 0
-
-
-@pytest.mark.parametrize("change", [str, with_crlf])
-def test_the_mark_of_earlier_versions_is_known_again(change, model, tmp_path):
-    """It held the hash of the bytes of robot.toml."""
-    file = model / "robot.toml"
-    old = sha256(file.read_bytes()).hexdigest()[:12]
-    (tmp_path / "p.src").write_text(krl(f"; edbb-compensated {old}, measured, 2026-03-31.", GOOD))
-    file.write_bytes(change(file.read_text()).encode())
-    done = edbb("compensate", tmp_path / "p.src", "--model", model, "--again", "-o", "-")
-    assert (done.returncode, "by this same model" in " ".join(done.stderr.split())) == (2, True), done.stderr
 
 
 URDF = 'schema = "edbb-robot/1"\nname = "arm"\nconvention = "urdf"\nurdf = "arm.urdf"\ntip = "panda_link8"\n'

@@ -143,23 +143,12 @@ def test_without_a_number_pruned_poses_are_as_many_as_its_curve_bends_at(pruned)
         ("", "slowest-limit"),
         ('order = "slowest-limit"', "slowest-limit"),
         ('order = "slowest-axis"', "slowest-axis"),
-        ('tour_cost = "axes"', "slowest-axis"),
-        ('tour_cost = "limits"', "slowest-limit"),
     ],
 )
-def test_the_order_and_its_earlier_name_are_read(line, order, tmp_path):
+def test_the_order_is_read(line, order, tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(load_cell("comau-nj130/edbb").path.read_text().replace("[motion]", f"[motion]\n{line}"))
     assert load_cell(str(path)).motion.order == order
-
-
-@pytest.mark.slow
-def test_both_names_of_the_order_are_refused(tmp_path):
-    path = tmp_path / "cell.toml"
-    both = '[motion]\norder = "slowest-limit"\ntour_cost = "axes"'
-    path.write_text(load_cell("comau-nj130/edbb").path.read_text().replace("[motion]", both))
-    with pytest.raises(InputError, match="leave tour_cost out"):
-        load_cell(str(path))
 
 
 @pytest.mark.long
