@@ -26,7 +26,7 @@ TOGETHER = (
 )  # fmt: skip
 OF_SOURCES = (  # parse every file of the planner: once, in one process
     "tests/test_layers.py", "tests/test_planning_packages.py", "tests/wings/test_left_out.py",
-    "tests/cli/test_recommended.py", "tests/docs/test_plain_words.py",
+    "tests/cli/test_recommended.py", "tests/docs/test_plain_words.py", "tests/test_long_runs.py",
 )  # fmt: skip
 SHARED = {  # what computes the same as another file
     "tests/workflow/test_screens.py": "tests/checks/test_refused_robots.py",

@@ -66,6 +66,7 @@ def test_the_cell_names_them_and_what_is_kept_needs_none(folder, tmp_path):
     np.testing.assert_allclose(load_cell(kept / "cell.toml").map_position(q), cell.map_position(q), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_robot_toml_names_them(folder):
     text = 'schema = "edbb-robot/1"\nname = "arm"\nconvention = "urdf"\nurdf = "arm.urdf.xacro"\ntip = "l6"\n'
     (folder / "robot.toml").write_text(text + NAMED)

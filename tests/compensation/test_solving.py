@@ -15,7 +15,7 @@ from tests.compensation.robots import BentRobot, bent, exact, pin_flange, regula
 ROBOTS = ["comau-nj130", "kuka-kr6-r700", "ur10", "abb-irb120"]
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", [ROBOTS[0], *(pytest.param(n, marks=pytest.mark.slow) for n in ROBOTS[1:])])
 def test_a_thousand_targets_close_below_a_micrometre(name):
     robot, real = bent(name)
     q = regular_angles(robot, 1000)

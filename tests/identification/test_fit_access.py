@@ -146,6 +146,7 @@ def test_draws_scatter_as_the_covariance_says_and_go_to_arviz(fits, monkeypatch)
         found.to_arviz()
 
 
+@pytest.mark.slow
 def test_arviz_has_the_draws_and_counts_them_as_one_chain(fits):
     arviz = pytest.importorskip("arviz", minversion="0.20")
     found = fits[0]

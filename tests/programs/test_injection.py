@@ -71,10 +71,11 @@ PROGRAMS: dict[str, Program] = {
     kind: replace(made, instructions=(*made.instructions, Comment("as the operator says")))
     for kind, made in (("static", sessions.static(n_poses=2)), ("continuous", sessions.continuous(n_poses=2)))
 }
+TRIED = [pytest.param(n, marks=pytest.mark.slow) if n == "lerobot" else n for n in NAMES]  # thousands of frames
 CIRCLES = [name for name in NAMES if load_dialect(name).circle is not None]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", TRIED)
 @settings(max_examples=12, deadline=None)
 @given(text=TEXT, stem=TEXT, kind=st.sampled_from(sorted(PROGRAMS)))
 @example(text="///TOOL 7", stem="", kind="continuous")

@@ -86,7 +86,7 @@ def _quick(program: Program, by: float) -> Program:
 
 @pytest.mark.parametrize("name", STREAMS)
 @pytest.mark.parametrize("session", [sessions.static, sessions.continuous, sessions.mixed, sessions.dense])
-@pytest.mark.parametrize("by", [1.0, 3.0, 8.0])
+@pytest.mark.parametrize("by", [1.0, pytest.param(3.0, marks=pytest.mark.slow), 8.0])
 def test_every_joint_keeps_its_acceleration(name: str, session, by: float) -> None:  # type: ignore[no-untyped-def]
     program = _quick(session(), by)
     files = write_program(program, name, "a")

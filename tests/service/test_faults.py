@@ -284,7 +284,7 @@ SLOW_HEAD = b"GET / HTTP/1.1\r\nx"
 SLOW_BODY = b"POST /login HTTP/1.1\r\nhost: 127.0.0.1\r\ncontent-length: 1000\r\n\r\nname"
 
 
-@pytest.mark.parametrize("begun", [SLOW_HEAD, SLOW_BODY])
+@pytest.mark.parametrize("begun", [SLOW_HEAD, pytest.param(SLOW_BODY, marks=pytest.mark.slow)])
 def test_connections_that_say_nothing_hold_off_nobody(impatient, begun):
     """A thousand and ten of one address that never finish what they ask: others are served, and these are closed."""
     held = []

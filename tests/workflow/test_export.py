@@ -90,7 +90,10 @@ def test_signals_and_numbers_may_be_named_later(folder):
     assert "PULSE ($OUT[33]," in export(folder / "plan.json", dialect="krl", name="a").programs[0].text
 
 
-@pytest.mark.parametrize("dialect", dialect_names())
+@pytest.mark.parametrize(
+    "dialect",
+    [n if n in ("krl", "din66025", "poses-csv") else pytest.param(n, marks=pytest.mark.slow) for n in dialect_names()],
+)
 def test_the_program_of_a_changed_plan_says_so_at_its_head(folder, monkeypatch, dialect):
     let_speak_all(monkeypatch)
     path = folder / "plan.json"
