@@ -125,17 +125,15 @@ def joint_speeds(samples: Samples) -> Array:
     if samples.t is None:
         raise InputError("joint speeds need the time of each sample, but the run has no column t_s")
     t, q = samples.t, samples.q
-    together = np.zeros(len(t) + 1, dtype=bool)  # whether sample i follows sample i − 1 in its session
-    together[1:-1] = np.diff(samples.session_numbers) == 0
-    step = np.ones(len(t) + 1)
-    step[1:-1] = np.diff(t)
-    if (step[together] <= 0.0).any():
-        raise InputError("joint speeds need a clock that goes forward, but two samples of a session have the same time")
-    slope = np.zeros((len(t) + 1, q.shape[1]))
-    slope[1:-1] = np.diff(q, axis=0) / step[1:-1, None]
-    before, after = together[:-1], together[1:]
-    weight = np.where(before & after, step[1:] / (step[1:] + step[:-1]), before.astype(float))[:, None]
-    return np.asarray(slope[:-1] * weight + slope[1:] * np.where(after, 1.0 - weight[:, 0], 0.0)[:, None])
+    speeds = np.zeros_like(q)
+    for part in np.split(np.arange(len(t)), 1 + np.flatnonzero(np.diff(samples.session_numbers))):
+        if (np.diff(t[part]) <= 0.0).any():
+            raise InputError(
+                "joint speeds need a clock that goes forward, but two samples of a session have the same time"
+            )
+        if len(part) > 1:
+            speeds[part] = np.gradient(q[part], t[part], axis=0)
+    return speeds
 
 
 def find_rests(samples: Samples) -> IntArray:
