@@ -4,6 +4,7 @@ import json
 import re
 from base64 import b64decode
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from matplotlib.path import Path as Outline
 import planner.report.still_view as still
 from planner.report.cell_view import Mesh, build_cell_view
 from planner.report.chart import hex_colour
-from planner.report.page import VIEW_FOLDER
+from planner.report.page import VIEW_FOLDER, embed_still
 from planner.session.plan_types import Plan
 
 LOW, HIGH = np.array([-300.0, -500.0, 0.0]), np.array([900.0, 700.0, 1000.0])
@@ -108,3 +109,14 @@ def test_the_picture_of_a_plan_shows_robot_poses_and_axes(plan: Plan) -> None:
     near = np.abs(pixels[at[:, 1], at[:, 0]] - blue).max(axis=1) < 60
     assert near.mean() > 0.3  # the others are behind the robot
     assert (np.abs(pixels - hex_colour(still.PAPER)).max(axis=2) > 20).mean() > 0.05
+
+
+def test_another_page_shows_the_same_picture_with_its_key(folder: Path) -> None:
+    html = (folder / "report.html").read_text(encoding="utf-8")
+    shown = embed_still(html)
+    (picture,) = re.findall(r'<svg class="still".*?</svg>', html, re.DOTALL)
+    assert picture in shown
+    assert shown.count("calibrate</span>") == 1
+    assert "<script" not in shown
+    assert shown.count("<div") == shown.count("</div>")
+    assert embed_still("<body>no view</body>") == ""
