@@ -304,7 +304,7 @@ class Baseline:
     def noise_covariance(self, samples: Samples) -> Array:
         """Covariance of each reading by gauge, repeatability and what the root lacks, (n, r, r) [m², m rad, rad²]."""
         white = Whitener.of(self.model, samples, Noise(*self.file.noise))
-        return white.covariance(slice(None)) + self.file.rest**2 * np.diag(_units(self.model.setup) ** 2)
+        return white.covariance() + self.file.rest**2 * np.diag(_units(self.model.setup) ** 2)
 
 
 def _is_anew(p: Parameter, setup: MeasurementSetup) -> bool:

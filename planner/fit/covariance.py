@@ -35,7 +35,7 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
     count = len(problem) // size
     if count < 3 * len(fit.errors):  # blocks for each parameter that it takes to trust their scatter
         return noise.covariance * np.outer(problem.prior, problem.prior), noise.time
-    scores = _scores(fit, np.minimum(np.arange(len(problem)) // size, count - 1), count)
+    scores = _scores(fit, np.minimum(np.arange(len(problem)) // size, count - 1))
     bread = solution.inverse
     inverse = bread @ bread.T  # of the information, in prior sigmas
     half = inverse @ scores.T
@@ -57,21 +57,11 @@ def correlation_time(x: Array) -> float:
     return float(max(1.0, total[wide[0]] if len(wide) else total[-1]))
 
 
-def _scores(fit: Fit, block: np.ndarray, count: int) -> Array:
+def _scores(fit: Fit, block: np.ndarray) -> Array:
     """Sum of rowᵀ·residual over every block, (blocks, P), in prior sigmas; ``block`` (n,) goes up with the samples."""
-    problem = fit.problem
-
-    def one(part: slice) -> tuple[int, Array]:
-        """Return the first block of a piece, and the scores of its samples from there on."""
-        columns = problem.piece(part, fit.errors).columns
-        each = np.einsum("prn,rn->pn", columns[:-1], columns[-1])
-        begin = np.flatnonzero(np.diff(block[part], prepend=-1))
-        return int(block[part][0]), np.add.reduceat(each, begin, axis=1).T
-
-    out = np.zeros((count, len(fit.errors)))
-    for first, scores in problem.map_pieces(one):
-        out[first : first + len(scores)] += scores
-    return out
+    columns = fit.problem.white_columns(fit.errors).columns
+    each = np.einsum("prn,rn->pn", columns[:-1], columns[-1])
+    return np.asarray(np.add.reduceat(each, np.flatnonzero(np.diff(block, prepend=-1)), axis=1).T)
 
 
 def consider_covariance(fit: Fit, held: Sequence[Parameter]) -> Array:
@@ -81,7 +71,7 @@ def consider_covariance(fit: Fit, held: Sequence[Parameter]) -> Array:
         return np.zeros((count, count))
     wider = fit.problem.with_model(fit.model.plus(list(held)))
     errors = np.append(fit.errors, np.zeros(len(held)))
-    gram = np.asarray(sum(wider.map_pieces(lambda part: wider.piece(part, errors).gram)))
+    gram = wider.white_columns(errors).gram
     information = fit.solution.factor.T @ fit.solution.factor  # in prior sigmas, the prior's own with it
     moved = fit.problem.prior[:, None] * np.linalg.solve(information, gram[:count, count:-1])
     return np.asarray(moved @ moved.T)

@@ -331,17 +331,10 @@ def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:
     kept, problem.memory.folds = problem.memory.folds, None
     if kept is not None and kept.problem is problem and np.array_equal(kept.fold, split.fold):
         return kept.grams_with(problem.weighted_residual(errors))
-
-    def one(part: slice) -> list[tuple[int, Array]]:
-        """Return the products of columns over each fold of one piece that has samples of it."""
-        columns, fold = problem.piece(part, errors).factored, split.fold[part]
-        return [(f, columns.take(np.flatnonzero(fold == f)).gram) for f in np.unique(fold).tolist()]
-
-    size = len(errors) + 1
+    columns, size = problem.white_columns(errors).factored, len(errors) + 1
     out = np.zeros((split.folds, size, size))
-    for piece in problem.map_pieces(one):  # in place: of many parameters they are as large as the columns
-        for f, gram in piece:
-            out[f] += gram
+    for f in np.unique(split.fold).tolist():
+        out[f] = columns.take(np.flatnonzero(split.fold == f)).gram
     return out
 
 
@@ -366,14 +359,9 @@ def _step_without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Ar
 
 def _shift_residual(problem: FitProblem, errors: Array, shift: Array, split: Split) -> Array:
     """Residuals (n, r) after moving the parameters by the shift of each sample's fold."""
-
-    def one(part: slice) -> Array:
-        """Return the residuals of one piece, each after the step of its fold."""
-        linear, fold = problem.linearize(part, errors), split.fold[part]
-        out = np.array(linear.residual)
-        for f in np.unique(fold):
-            mine = np.flatnonzero(fold == f)
-            out[mine] -= linear.columns.take(mine).times(shift[f])
-        return out
-
-    return np.concatenate(list(problem.map_pieces(one)))
+    linear = problem.linearize(errors)
+    out = np.array(linear.residual)
+    for f in np.unique(split.fold):
+        mine = np.flatnonzero(split.fold == f)
+        out[mine] -= linear.columns.take(mine).times(shift[f])
+    return out

@@ -37,16 +37,16 @@ class FadingNoise:
         # 8_000: readings that are looked at: neighbours in time tell little
         step = -(-len(problem) * problem.model.width // 8_000)
         few = problem.take(np.arange(0, len(problem), step))
-        piece = few.piece(slice(None), fit.errors)
-        rows, n = piece.rows, len(few)
-        axes, size, turn = np.linalg.svd(rows.reshape(piece.residual.size, rows.shape[2]), full_matrices=False)
+        white = few.white_columns(fit.errors)
+        rows, n = white.rows, len(few)
+        axes, size, turn = np.linalg.svd(rows.reshape(white.residual.size, rows.shape[2]), full_matrices=False)
         # 1e-9: of the largest: what no reading shows is known by its prior alone
         shown = size > 1e-9 * size.max(initial=1e-300)
         basis = axes[:, shown].reshape(n, rows.shape[1], int(shown.sum()))
-        rho = fading_of_residual(piece.residual, basis)
-        flat = basis.reshape(piece.residual.size, basis.shape[2])
+        rho = fading_of_residual(white.residual, basis)
+        flat = basis.reshape(white.residual.size, basis.shape[2])
         scatter = flat.T @ correlate(basis, rho).reshape(flat.shape)
-        readings = piece.residual.size
+        readings = white.residual.size
         # what the fit has taken up of slow noise is more than it takes up of noise that is new at each sample
         grown = max(1.0, (readings - basis.shape[2]) / max(readings - float(np.trace(scatter)), 0.05 * readings))
         back = (size[:, None] * turn)[shown]

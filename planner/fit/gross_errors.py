@@ -81,11 +81,11 @@ class DeclaredGeometry:
         sigma = np.nan_to_num(np.array(list(sizes)), posinf=UNKNOWN_PRIOR)
         scale = scale_parameters(found)
         wide = few.with_model(found.model.plus(list(scale)))
-        linear = wide.linearize(slice(0, len(few)), np.append(found.errors, np.zeros(len(scale))))
+        linear = wide.linearize(np.append(found.errors, np.zeros(len(scale))))
         # neighbours along a drive err alike: together they count as the fewer that they are worth
         worth = np.sqrt(min(1.0, len(problem) / max(time, 1.0) / len(few)) * few.weight)[:, None]
         rows, left = (
-            (few.whitener.white(slice(None), v) * worth[..., None]).reshape(-1, v.shape[-1])
+            (few.whitener.white(v) * worth[..., None]).reshape(-1, v.shape[-1])
             for v in (linear.rows, linear.residual[..., None])
         )
         y = left[:, 0] + rows[:, : len(names)] @ found.errors

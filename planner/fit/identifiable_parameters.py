@@ -37,7 +37,7 @@ def identifiable_subset(
     ``prefer`` are their positions, best kept first; as they stand in the model where it is not given.
     """
     few = samples.take(even_positions(len(samples), DECIDING_SAMPLES))
-    rows = Whitener.of(model, few).white(slice(None), model.rows(few))
+    rows = Whitener.of(model, few).white(model.rows(few))
     order = range(len(model.names)) if prefer is None else prefer
     seen = find_identifiable(rows, model.names, model.prior, order, noise=1.0, readings=len(samples) * model.width)
     return model.subset(list(seen.kept)), seen
@@ -120,7 +120,7 @@ def _stated_model(cell: Cell, setup: MeasurementSetup, run: Run) -> Model:
 def _few_samples(model: Model, run: Run) -> tuple[Samples, float]:
     """Return some samples of a run, and the noise of one reading [m]."""
     few = run.samples.take(even_positions(len(run), DECIDING_SAMPLES))
-    covariance = Whitener.of(model, few).covariance(slice(None))
+    covariance = Whitener.of(model, few).covariance()
     each: Array = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).max(axis=1))
     return few, float(np.median(each))
 

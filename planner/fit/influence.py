@@ -64,10 +64,10 @@ class _Linear:
     def of(cls, fit: Fit) -> Self:
         problem = fit.problem
         width = problem.model.width
-        piece = problem.piece(slice(0, len(problem)), fit.errors)
+        white = problem.white_columns(fit.errors)
         eye = np.broadcast_to(np.eye(width), (len(problem), width, width))
-        root = problem.whitener.white(slice(None), eye) * np.sqrt(problem.weight)[:, None, None]
-        return cls(fit, piece.rows, piece.residual, root)
+        root = problem.whitener.white(eye) * np.sqrt(problem.weight)[:, None, None]
+        return cls(fit, white.rows, white.residual, root)
 
     @cached_property
     def spread(self) -> Array:

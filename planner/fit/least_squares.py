@@ -23,7 +23,7 @@ from planner.fit.assumptions import (
     SETTLED_CHANGE,
 )
 from planner.fit.noise import Noise, estimate_noise
-from planner.fit.problem import PIECE_SAMPLES, FitProblem, FoldPieces, LinearPiece
+from planner.fit.problem import FitProblem, FoldColumns, WhitenedColumns
 from planner.fit.wild_rows import row_weights, unseen_weights
 from planner.model.model import Model
 
@@ -62,16 +62,12 @@ def solve(
 ) -> Solution:
     """Fit the model's parameters; ``converged`` in standard deviations ends it.
 
-    With the ``fold`` (n,) of its samples a short and large problem keeps what it was linearised about last by folds.
+    With the ``fold`` (n,) of its samples a large problem keeps what it was linearised about last by folds.
 
     Raises:
         NoSolutionError: the fit does not come to rest.
     """
-    start_samples = 3_000  # of a long run find the minimum before all of them polish it
     errors = np.zeros(len(problem.prior)) if start is None else np.array(start)
-    if len(problem) > 2 * start_samples:
-        few = problem.take(even_positions(len(problem), start_samples))
-        errors = _descend(few, errors, ROUGHLY_CONVERGED_SIGMAS).errors
     return _descend(problem, errors, converged, fold)
 
 
@@ -80,7 +76,7 @@ class _Triangle:
     """The problem linearised about some parameters, rows and residuals reduced to P + 1 rows, the prior included.
 
     ``factor`` (P, P) and ``right`` (P,) give the next step, ``factor``·z = ``right``; ``cost`` is where it stands now.
-    Of a large problem that is one piece its columns are kept as ``piece``.
+    Of a large problem its ``columns`` are kept.
     The columns are per prior sigma and the prior is in: the information is never below 1, its root by Cholesky exact
     enough.
     """
@@ -88,39 +84,35 @@ class _Triangle:
     factor: Array
     right: Array
     cost: float
-    piece: LinearPiece | FoldPieces | None = None
+    columns: WhitenedColumns | FoldColumns | None = None
 
     @classmethod
     def linearize(cls, problem: FitProblem, errors: Array, fold: np.ndarray | None) -> "_Triangle":
         """Linearise about errors (P,) [m, rad]; the cost is infinite where the model cannot follow them."""
-        piece: LinearPiece | FoldPieces | None = None
-        if len(problem) <= PIECE_SAMPLES and _is_large(problem):
-            every = slice(0, len(problem))
-            piece = problem.piece(every, errors) if fold is None else FoldPieces.of(problem, errors, fold)
-            whole = piece.gram
-        else:
-            whole = np.asarray(sum(problem.map_pieces(lambda part: problem.piece(part, errors).gram)))
-        z = errors / problem.prior
+        large = _is_large(problem)
+        folds = FoldColumns.of(problem, errors, fold) if large and fold is not None else None
+        columns = folds or problem.white_columns(errors)
+        whole, z = columns.gram, errors / problem.prior
         if not np.all(np.isfinite(whole)):  # a step far beyond what the model can follow
             return cls(np.eye(len(z)), 0 * z, np.inf)
         factor = cholesky(whole[:-1, :-1] + np.eye(len(z)))
         right = solve_triangular(factor, whole[:-1, -1] - z, trans="T")
-        return cls(factor, right, float(whole[-1, -1] + z @ z), piece)
+        return cls(factor, right, float(whole[-1, -1] + z @ z), columns if large else None)
 
     def triangular_factor(self, problem: FitProblem, errors: Array) -> "_Triangle | None":
         """Return the triangle of the kept columns and the residual at errors (P,); ``None`` if no columns were kept."""
-        if self.piece is None:
+        if self.columns is None:
             return None
         raw = problem.model.residual_in(problem.context, problem.targets, errors)
-        white = problem.whitener.white(slice(None), raw[..., None])[..., 0] * np.sqrt(problem.weight)[:, None]
+        white = problem.whitener.white(raw[..., None])[..., 0] * np.sqrt(problem.weight)[:, None]
         z = errors / problem.prior
-        right = solve_triangular(self.factor, self.piece.along(white)[:-1] - z, trans="T")
+        right = solve_triangular(self.factor, self.columns.along(white)[:-1] - z, trans="T")
         return replace(self, right=right, cost=float((white**2).sum() + z @ z))
 
     def keep_folds(self, problem: FitProblem) -> None:
-        """Keep the pieces of the folds, if there are any, for what predicts each by the others."""
-        if isinstance(self.piece, FoldPieces):
-            problem.memory.folds = self.piece
+        """Keep the columns of the folds, if there are any, for what predicts each by the others."""
+        if isinstance(self.columns, FoldColumns):
+            problem.memory.folds = self.columns
 
     def step(self, damping: float) -> Array:
         """Solve for the step, turned towards steepest descent by ``damping`` (Marquardt's scaling)."""
@@ -304,12 +296,7 @@ def _leverage(problem: FitProblem, solution: Solution) -> Array:
     root = solution.inverse
     if not len(root):
         return np.zeros((len(problem), problem.model.width))
-
-    def one(part: slice) -> Array:
-        """Return the leverages of one piece."""
-        return problem.piece(part, solution.errors).factored.square_sums(root)
-
-    return np.concatenate(list(problem.map_pieces(one)))
+    return problem.white_columns(solution.errors).factored.square_sums(root)
 
 
 def _shrinkage(solution: Solution) -> Array:

@@ -5,7 +5,6 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.fit.assumptions import ENOUGH_FREEDOM, LEAST_NOISE_SHARE, LOG_NOISE_RANGE
 from planner.model.model import Model
@@ -60,7 +59,7 @@ class Whitener:
         each = np.broadcast_to(declared.gauge_variance, (len(samples), model.width))
         return cls(each, declared.robot_covariance, noise or Noise())
 
-    def noise_axes(self, block: slice, which: np.ndarray | slice = slice(None)) -> tuple[Array, Array, Array]:
+    def noise_axes(self, block: slice) -> tuple[Array, Array, Array]:
         """Return the axes in which the noise of gauge and joints do not mix, for the numbers ``block`` of readings.
 
         With D the declared covariance of the gauge and S what the joints add, S v = ρ D v (Golub and Van Loan, 8.7).
@@ -69,8 +68,8 @@ class Whitener:
             Variance of the joints over the gauge's, as declared, (n, b); axes, the columns of (n, b, b), of numbers
             times ``unit``; unit (n, b), one over the gauge's standard deviations.
         """
-        unit = 1 / np.sqrt(self.declared[which][:, block])
-        ratio, axes = np.linalg.eigh(self.shaken[which][:, block, block] * unit[:, :, None] * unit[:, None])
+        unit = 1 / np.sqrt(self.declared[:, block])
+        ratio, axes = np.linalg.eigh(self.shaken[:, block, block] * unit[:, :, None] * unit[:, None])
         return np.maximum(ratio, 0.0), axes, unit
 
     @property
@@ -92,21 +91,21 @@ class Whitener:
         noise = self.noise
         return self.with_noise(Noise(noise.gauge * factor, noise.joints * factor, noise.angle * factor))
 
-    def covariance(self, part: slice) -> Array:
-        """Covariance of the readings of ``part``, (n, r, r)."""
+    def covariance(self) -> Array:
+        """Covariance of the readings, (n, r, r)."""
         noise = self.noise
         width = self.declared.shape[1]
         gauge = np.array([noise.gauge] * min(3, width) + [noise.angle] * (width - 3))
-        return noise.joints**2 * self.shaken[part] + np.eye(width) * (gauge**2 * self.declared[part])[:, None]
+        return noise.joints**2 * self.shaken + np.eye(width) * (gauge**2 * self.declared)[:, None]
 
-    def white(self, part: slice, values: Array) -> Array:
-        """Return L⁻¹ values for the readings of ``part``, with L Lᵀ their covariance; values (n, r, m)."""
-        return np.asarray(np.einsum("nij,njm->nim", self.root[part], values))
+    def white(self, values: Array) -> Array:
+        """Return L⁻¹ values, with L Lᵀ the covariance of the readings; values (n, r, m)."""
+        return np.asarray(np.einsum("nij,njm->nim", self.root, values))
 
     @cached_property
     def root(self) -> Array:
         """L⁻¹ of every reading, with L Lᵀ its covariance, (n, r, r)."""
-        C = self.covariance(slice(None))
+        C = self.covariance()
         if C.shape[1] == 1:
             return np.asarray(1 / np.sqrt(C))
         return np.asarray(np.linalg.inv(np.linalg.cholesky(C)))
@@ -174,10 +173,9 @@ class _Spread:
     @classmethod
     def of(cls, white: Whitener, residual: Array, block: slice, weight: Array) -> "_Spread":
         """Split the numbers ``block`` of every reading."""
-        which = even_positions(len(residual), 20_000)  # samples that the likelihood looks at
-        ratio, axes, unit = white.noise_axes(block, which)
-        turned = np.einsum("nij,ni->nj", axes, residual[which][:, block] * unit)
-        return cls((turned**2).ravel(), ratio.ravel(), np.repeat(weight[which], ratio.shape[1]))
+        ratio, axes, unit = white.noise_axes(block)
+        turned = np.einsum("nij,ni->nj", axes, residual[:, block] * unit)
+        return cls((turned**2).ravel(), ratio.ravel(), np.repeat(weight, ratio.shape[1]))
 
     def slope(self, logs: Array) -> tuple[Array, Array]:
         """Gradient and expected curvature of minus twice the log likelihood of (log gauge, log joints)."""

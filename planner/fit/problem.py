@@ -1,10 +1,8 @@
-"""The least-squares problem: model, samples, readings and noise, evaluated in pieces to limit memory."""
+"""The least-squares problem: model, samples, readings and noise."""
 
-from collections.abc import Callable, Hashable, Iterator, Set
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Hashable, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 
@@ -13,24 +11,21 @@ from planner.common.units import Array
 from planner.effects.context import Context
 from planner.fit.noise import Noise, Whitener
 from planner.model.columns import Columns
-from planner.model.model import Linearization, Model, chunks
+from planner.model.model import Linearization, Model
 from planner.runs.run import Run, Samples
-
-PIECE_SAMPLES = 8192  # so long a run is no long one, and is one piece
-T = TypeVar("T")
 
 
 @dataclass
 class ProblemCache:
-    """Cache of a short problem: basis functions, those of parts of its samples, and the last linearisation.
+    """Cache of a problem: basis functions, those of parts of its samples, and the last linearisation.
 
-    ``folds`` are the pieces that a fit ended with, until the first that asks for them.
+    ``folds`` are the columns that a fit ended with, until the first that asks for them.
     """
 
     context: Context | None = None
     parts: dict[bytes, Context] = field(default_factory=dict)
     linear: tuple[tuple[object, bytes], Linearization] | None = None
-    folds: "FoldPieces | None" = None
+    folds: "FoldColumns | None" = None
 
     def forget(self, kept: Set[Hashable] = frozenset()) -> None:
         """Let go of the linearisation and of basis functions but some: they are computed anew when asked for."""
@@ -41,8 +36,8 @@ class ProblemCache:
 
 
 @dataclass(frozen=True)
-class LinearPiece:
-    """Whitened columns per prior sigma of some samples, the residual's behind them."""
+class WhitenedColumns:
+    """Whitened columns per prior sigma, the residual's behind them."""
 
     factored: Columns
 
@@ -72,8 +67,8 @@ class LinearPiece:
 
 
 @dataclass(frozen=True)
-class FoldPieces:
-    """The same of a short problem, its samples by the folds in which they are held out.
+class FoldColumns:
+    """The same, the samples by the folds in which they are held out.
 
     Attributes:
         problem: whose columns they are.
@@ -90,10 +85,10 @@ class FoldPieces:
     grams: Array
 
     @classmethod
-    def of(cls, problem: "FitProblem", errors: Array, fold: np.ndarray) -> "FoldPieces":
+    def of(cls, problem: "FitProblem", errors: Array, fold: np.ndarray) -> "FoldColumns":
         """Linearise about ``errors``."""
         samples = tuple(np.flatnonzero(fold == f) for f in range(int(fold.max()) + 1))
-        whole = problem.piece(slice(None), errors).factored
+        whole = problem.white_columns(errors).factored
         columns = tuple(whole.take(own) for own in samples)
         return cls(problem, fold, samples, columns, np.stack([c.gram for c in columns]))
 
@@ -150,7 +145,7 @@ class FitProblem:
         What basis functions look at is computed once for both.
         """
         white = self.whitener if not even else replace(self.whitener, shaken=np.zeros_like(self.whitener.shaken))
-        memory = ProblemCache(self.context, self.memory.parts) if len(self) <= PIECE_SAMPLES else ProblemCache()
+        memory = ProblemCache(self.context, self.memory.parts)
         return FitProblem(model, self.samples, self.targets, white.with_noise(noise or Noise()), self.weight, memory)
 
     def __len__(self) -> int:
@@ -165,14 +160,10 @@ class FitProblem:
     def take(self, which: np.ndarray) -> "FitProblem":
         """Return the problem with only the samples at ``which`` (indices or a mask)."""
         white = self.whitener.take(which)
-        samples, memory = self.samples, ProblemCache()
-        if len(self) <= PIECE_SAMPLES:
-            key = np.arange(len(self))[which].tobytes()
-            memory.context = self.memory.parts.setdefault(key, self.context.take(which))
-            samples = memory.context.samples
-        else:
-            samples = samples.take(which)
-        return FitProblem(self.model, samples, self.targets.take(which), white, self.weight[which], memory)
+        key = np.arange(len(self))[which].tobytes()
+        context = self.memory.parts.setdefault(key, self.context.take(which))
+        known = self.targets.take(which), white, self.weight[which], ProblemCache(context)
+        return FitProblem(self.model, context.samples, *known)
 
     def with_model(self, model: Model) -> "FitProblem":
         """Return the problem with other parameters of the same setup."""
@@ -182,23 +173,8 @@ class FitProblem:
         """Return the problem with another size of the noise."""
         return replace(self, whitener=self.whitener.with_noise(noise))
 
-    def map_pieces(self, task: Callable[[slice], T]) -> Iterator[T]:
-        """Run ``task`` on every piece, on two processors, results in order."""
-        # 2048, 4096: samples and readings of a piece of a long run: what basis functions look at is most of what two
-        # of them take
-        long = len(self) > PIECE_SAMPLES
-        parts = list(chunks(len(self), min(2048, 4096 // self.model.width) if long else PIECE_SAMPLES))
-        if len(parts) < 2:
-            yield from map(task, parts)
-            return
-        # 2: pieces in flight: results are taken in order, so their number does not show
-        with ThreadPoolExecutor(2) as pool:
-            yield from pool.map(task, parts)
-
-    def linearize(self, part: slice, errors: Array) -> Linearization:
-        """Return residuals and Jacobian rows of the samples ``part`` at ``errors`` (P,), in metres and radians."""
-        if len(self) > PIECE_SAMPLES:
-            return self.model.linearize(self.samples.take(part), self.targets.take(part), errors)
+    def linearize(self, errors: Array) -> Linearization:
+        """Return residuals and Jacobian rows at ``errors`` (P,), in metres and radians."""
         about = (self.model.parameters_and_constants, errors.tobytes())
         known = self.memory.linear  # read once: several fits may look at one problem at a time
         if known is None or known[0] != about:
@@ -212,22 +188,15 @@ class FitProblem:
             self.memory.context = Context(self.model.setup, self.samples)
         return self.memory.context
 
-    def piece(self, part: slice, errors: Array) -> LinearPiece:
-        """Linearise one piece about ``errors``, whitened."""
-        linear = self.linearize(part, errors)
-        root = np.ascontiguousarray((self.whitener.root[part] * np.sqrt(self.weight[part])[:, None, None]).T)
-        return LinearPiece(linear.columns.whiten(root, self.prior, linear.residual))
+    def white_columns(self, errors: Array) -> WhitenedColumns:
+        """Linearise about ``errors``, whitened."""
+        linear = self.linearize(errors)
+        root = np.ascontiguousarray((self.whitener.root * np.sqrt(self.weight)[:, None, None]).T)
+        return WhitenedColumns(linear.columns.whiten(root, self.prior, linear.residual))
 
     def residual(self, errors: Array) -> Array:
         """Reading − prediction of every sample, (n, r) [m, rad]."""
-
-        def one(part: slice) -> Array:
-            """Return the residuals of one piece."""
-            if len(self) > PIECE_SAMPLES:
-                return self.model.residual(self.samples.take(part), self.targets.take(part), errors)
-            return self.linearize(part, errors).residual
-
-        return np.concatenate(list(self.map_pieces(one)))
+        return self.linearize(errors).residual
 
     def weighted_residual(self, errors: Array) -> Array:
         """Return the residual in standard deviations, each row as far as it counts, (n, r)."""
@@ -235,4 +204,4 @@ class FitProblem:
 
     def white_residual(self, errors: Array) -> Array:
         """Return the residual in standard deviations, each row in full, (n, r)."""
-        return self.whitener.white(slice(None), self.residual(errors)[..., None])[..., 0]
+        return self.whitener.white(self.residual(errors)[..., None])[..., 0]

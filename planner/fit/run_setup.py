@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.cell.cell import Cell, MeasurementSetup, setup_of
 from planner.cell.file import FIRST_POINT
+from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.common.units import MM, Array
 from planner.gauges.placement.solver import LOCATED_SIGMA, index_in_cell
@@ -133,6 +134,15 @@ def number_samples(run: Run) -> Run:
         return run
     run = add_motion(run)
     return replace(run, samples=replace(run.samples, number=np.arange(len(run))))
+
+
+def spread_rows(run: Run, width: int) -> Run:
+    """Return a long run with fewer rows, evenly over all of it; ``width``: numbers in one reading.
+
+    Along a drive neighbours err alike: of hundreds of thousands of rows some thousands are worth one each.
+    """
+    # 8_000, 24_000: rows and numbers that a fit looks at; 500: rows that it looks at however many numbers one has
+    return run.take(even_positions(len(run), max(500, min(8_000, 24_000 // width))))
 
 
 def add_motion(run: Run) -> Run:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.summary import Aside, Doubt
 from planner.common.system import give_back_memory
@@ -190,8 +189,8 @@ def assess_fit(
     stages: list[FittedStage], free: FittedParameters, context: FitContext, cell: Cell, validation: Run | None,
     traced: TracingResult, notes: Sequence[str] = (), basis: ReleaseBasis = "posterior",
 ) -> Calibration:  # fmt: skip
-    """Assess the last stage and assemble the calibration; a long run is fitted once more to all of its samples."""
-    run, parts, stages = context.run, context.split, _fit_all_samples(stages, context)
+    """Assess the last stage and assemble the calibration."""
+    run, parts, stages = context.run, context.split, _count_alike(stages, stages[-1].stage.weight, context.split)
     found = stages[-1].fit
     covariance, time = _whole_covariance(found, free, run.continuous)
     table = _estimate_all(free, found, covariance, traced)
@@ -285,33 +284,19 @@ def _count_alike(stages: Sequence[FittedStage], weight: Array, parts: Split) -> 
 
 
 def _row_weight(released: ReleasedRobot | None, last: Stage) -> Array:
-    """Return by how much each row counts, (n,): by the posterior, or by the last stage where that saw a part."""
-    seen = np.empty(0) if released is None else released.posterior.fit.problem.weight
-    return seen if len(seen) == len(last.weight) else last.weight
+    """Return by how much each row counts, (n,): by the posterior, or by the last stage where there is none."""
+    return last.weight if released is None else released.posterior.fit.problem.weight
 
 
 def _held_out_errors(released: ReleasedRobot | None, last: Stage) -> Array:
     """Return how far rows held out are off (n,) [m] by the robot that is written, or likewise by the last stage."""
-    mine = released is not None and len(released.held_residual) == len(last.held_residual)
-    return error_size(released.held_residual if released is not None and mine else last.held_residual)
+    return error_size(last.held_residual if released is None else released.held_residual)
 
 
 def _frames(found: Fit, released: ReleasedRobot | None, estimates: Sequence[Estimate]) -> GaugeFrames:
     """Return where gauge and tool are by the robot that is written."""
     written, known = (found, found) if released is None else (released.fit, released.posterior.fit)
     return gauge_frames(written, estimates, std_beside_robot(known))
-
-
-def _fit_all_samples(stages: list[FittedStage], context: FitContext) -> list[FittedStage]:
-    """Return the stages, the last fitted to every sample where it was fitted to a part of a long run.
-
-    In the errors of all of them rows count as in the last one.
-    """
-    last = stages[-1]
-    if len(context.run) > len(last.fit.problem):
-        last = context.fit_stage(last.stage.name, last.fit.model, last.fit, whole=True)
-        give_back_memory()
-    return _count_alike([*stages[:-1], last], last.stage.weight, context.split)
 
 
 def _estimate_all(free: FittedParameters, found: Fit, covariance: Array, traced: TracingResult) -> tuple[Estimate, ...]:
@@ -360,8 +345,7 @@ def _condition(found: Fit) -> float | None:
     own = [k for k, p in enumerate(found.model.parameters) if not p.is_effect]
     if not own:
         return 1.0
-    few = problem.take(even_positions(len(problem), 8_000))  # samples of a long run that the condition number is of
-    rows = few.piece(slice(None), found.errors).factored.select(np.array(own)).dense.transpose(2, 1, 0)
+    rows = problem.white_columns(found.errors).factored.select(np.array(own)).dense.transpose(2, 1, 0)
     mu = np.linalg.svd(r_factor(rows), compute_uv=False)
     condition = float(mu[0] / max(mu[-1], np.finfo(float).eps * mu[0]))
     return condition if np.isfinite(condition) else None

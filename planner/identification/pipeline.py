@@ -6,6 +6,7 @@ from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.progress import StageReport
+from planner.common.summary import Aside
 from planner.common.system import give_back_memory, keep_freed_memory
 from planner.design.assumptions import TRACEABLE_READINGS
 from planner.documents.calibration import Calibration
@@ -16,7 +17,7 @@ from planner.fit.better_explanations import explain_failure
 from planner.fit.cross_validation import split_run, validate_fit
 from planner.fit.identifiable_parameters import choose_parameters, parameters_of_groups
 from planner.fit.least_squares import Fit
-from planner.fit.run_setup import add_motion, check_pull, locate_gauge, number_samples, setup_for_run
+from planner.fit.run_setup import add_motion, check_pull, locate_gauge, number_samples, setup_for_run, spread_rows
 from planner.identification.assessment import approach_warnings, assess_fit, too_few_text
 from planner.inference.candidates import TracingResult
 from planner.inference.posterior_draws import ChainLimits
@@ -67,8 +68,9 @@ def identify(
     give_back_memory()  # the text of a long run, which was read just now
     settings = settings or FitSettings()
     approaches = run.samples.direction is not None
-    run = number_samples(run)
-    validation = None if validation is None else add_motion(validation)
+    width, measured = cell.gauge.width, len(run)
+    run = spread_rows(number_samples(run), width)
+    validation = None if validation is None else spread_rows(add_motion(validation), width)
     say("placing the gauge")
     with explain_failure(cell, run):
         setup = use_declared_pose(cell, locate_gauge(setup_for_run(cell, run), run))
@@ -93,6 +95,7 @@ def identify(
         say("geometry")
         stages.append(context.fit_stage("geometry", model, stages[-1].fit))
     stages, notes = add_declared_stages(stages, free, cell.plan.effects, context, say)
+    notes += spread_note(len(run), measured)
     traced = TracingResult()
     if tracer is not None and context.redundancy(free.model) >= TRACEABLE_READINGS:
         more, traced = tracer(stages[-1], context, say)
@@ -107,6 +110,13 @@ def identify(
     say("calibrated robot")
     give_back_memory()
     return assess_fit(stages, free, context, cell, validation, traced, notes, settings.basis)
+
+
+def spread_note(used: int, measured: int) -> list[str]:
+    """Say of how many rows of a long run the fit is."""
+    if used == measured:
+        return []
+    return [Aside(f"the fit is of {used} of {measured} rows, evenly over the run: neighbours in time err alike")]
 
 
 def _check_size(context: FitContext, model: Model) -> None:

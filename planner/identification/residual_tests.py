@@ -51,7 +51,7 @@ class ProjectedResidual:
         """Look at what a fit leaves; along a continuous run every sample is its own group."""
         group = np.arange(len(problem)) if moving else number_targets(problem.samples)
         # the columns themselves are let go before they are brought into another form: of many they take most memory
-        basis = space_basis(group_sums(without_noise(problem, errors).piece(slice(None), errors).rows, group))
+        basis = space_basis(group_sums(without_noise(problem, errors).white_columns(errors).rows, group))
         white = group_sums(problem.weighted_residual(errors)[..., None], group)[:, 0]
         return cls(white - basis @ (basis.T @ white), basis, group, problem.model.width)
 
@@ -79,7 +79,7 @@ class ProjectedResidual:
         named = dict(alternatives)
         if not named:
             return {}
-        white = problem.whitener.white(slice(None), np.concatenate(list(named.values()), axis=2))
+        white = problem.whitener.white(np.concatenate(list(named.values()), axis=2))
         tall = group_sums(white * np.sqrt(problem.weight)[:, None, None], self.group)
         tall /= np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
         tall -= self.basis @ (self.basis.T @ tall)

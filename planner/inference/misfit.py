@@ -368,7 +368,7 @@ def predict_validation(posterior: PosteriorFit, run: Run, time: float) -> HeldOu
 
 def _hold_out(there: FitProblem, errors: Array, root: Array, by_noise: Array) -> HeldOutReadings:
     """Return what is left of positions with errors (P,), known by roots (P, k) of covariance and its noise's part."""
-    linear, width = there.linearize(slice(0, len(there)), errors), min(POSITION_AXES, there.model.width)
+    linear, width = there.linearize(errors), min(POSITION_AXES, there.model.width)
     noise_root = _noise_root(there, width)
     rows = linear.rows[:, :width]
     spread, own = ((rows.reshape(-1, len(r)) @ r).reshape(*rows.shape[:2], -1) for r in (root, by_noise))
@@ -378,7 +378,7 @@ def _hold_out(there: FitProblem, errors: Array, root: Array, by_noise: Array) ->
 def _noise_root(problem: FitProblem, width: int) -> Array:
     """Return L⁻¹ of the covariance L Lᵀ of each position's noise, as large as usual, (n, width, width) [1/m]."""
     white = problem.whitener
-    fitted, declared = (w.covariance(slice(None))[:, :width, :width] for w in (white, white.with_noise(Noise())))
+    fitted, declared = (w.covariance()[:, :width, :width] for w in (white, white.with_noise(Noise())))
     usual = USUAL_NOISE_SHARE**2 * np.einsum("nii->", declared) / np.einsum("nii->", fitted)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(usual * fitted)))
 

@@ -254,7 +254,7 @@ def _is_kept(group: str, curves: frozenset[str]) -> bool:
 
 def _gram(problem: FitProblem, errors: Array) -> Array:
     """Products of rows per prior sigma and residuals about errors, (P + 1, P + 1)."""
-    return np.asarray(sum(problem.map_pieces(lambda part: problem.piece(part, errors).gram)))
+    return problem.white_columns(errors).gram
 
 
 @dataclass(frozen=True)
@@ -375,7 +375,7 @@ class IndependentReadings:
     @classmethod
     def of(cls, problem: FitProblem, errors: Array) -> "IndependentReadings":
         """Linearise about errors (P,)."""
-        linear = problem.linearize(slice(0, len(problem)), errors)
+        linear = problem.linearize(errors)
         rows, y = linear.rows * problem.prior, linear.residual + linear.rows @ errors
         columns, targets, noise, row = [], [], [], []
         width = rows.shape[1]

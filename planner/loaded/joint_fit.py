@@ -102,7 +102,7 @@ def refine_fit(problem: FitProblem, run: Run, errors: Array, turns: Sequence[Arr
             the run.
     """
     still_share = 1e-3  # standard deviations: a step that changes nothing
-    model, prior, declared = problem.model, problem.prior, problem.whitener.covariance(slice(None))[:, 0, 0]
+    model, prior, declared = problem.model, problem.prior, problem.whitener.covariance()[:, 0, 0]
     first = len(run) - sum(len(c) * c.shape[1] for c in turns)
     size, weight = 1.0, problem.weight[:first]
     turned = torque_rows(model, run.samples, errors, prior)  # once: they change by parts of themselves

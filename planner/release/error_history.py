@@ -38,7 +38,7 @@ def error_history(released: ReleasedRobot, samples: Samples) -> ErrorHistory | N
     # 2000: numbers of a run whose history is worked out: a longer one was read on the way
     if len(problem) * problem.model.width > 2000:
         return None
-    rows = problem.piece(slice(None), known.fit.errors).rows
+    rows = problem.white_columns(known.fit.errors).rows
     n, width, _ = rows.shape
     size = np.sqrt((known.mixture.scaled_sizes**2).mean(axis=0))
     white = rows.reshape(n * width, -1) * size

@@ -60,7 +60,7 @@ def _motion_of_readings(released: ReleasedRobot, cause: Candidate) -> float:
     if any(columns_of(key) or depends_on_run(key) for key in keys):
         return 0.0
     problem = FitProblem.of(replace(record.model.fix_at(record.errors), parameters=own), record.run)
-    rows = problem.linearize(slice(0, len(problem)), np.zeros(len(own))).rows[:, :POSITION_AXES]
+    rows = problem.linearize(np.zeros(len(own))).rows[:, :POSITION_AXES]
     moved = rows @ np.array([values[p.name] for p in own])
     return float(np.sqrt((moved**2).sum(axis=1).mean()))
 

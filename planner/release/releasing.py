@@ -78,16 +78,12 @@ def release_robot(
     """
     last, plain = stages[-1].fit, next(s for s in stages if s.stage.name == "geometry")
     run, split, limits = context.run, context.split, context.limits
-    few = context.part(last.model)
-    if few is not None:
-        run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
-    families = (*background_families(last.setup, context.run.samples), *variants)
+    families = (*background_families(last.setup, run.samples), *variants)
     if geometry_alone:  # only what every robot and gauge has: no cause is looked for
         families = tuple(f for f in families if f.known or f.certain or f.usual)
-    dense = len(context.run) * whole.width >= DENSE_READINGS * len(last.model.names)
+    dense = len(run) * whole.width >= DENSE_READINGS * len(last.model.names)
     found = curve_groups(last.model) if dense else frozenset()
     weight = _weight_without_slips(last, stages[-1].stage.weight)
-    weight = weight if few is None else weight[few]
     base = FitProblem.of(whole, run)
     curves, start = _choose_curves(last, run, split, base, families, time, found, weight, limits)
     posterior = draw_posterior(
@@ -95,24 +91,23 @@ def release_robot(
     ).fit()
     give_back_memory()
     weight = posterior.fit.problem.weight
-    plain = plain if few is not None else _count_as_posterior(plain, weight, context)
+    plain = _count_as_posterior(plain, weight, context)
     regions = predict_regions(last, run, base, families, time, posterior.record.last_factors, curves, weight, limits)
     base.memory.forget({m.phi for p in posterior.fit.model.parameters for m in p.moves})
     judged = None if context.validation is None else predict_validation(posterior, context.validation, time)
     unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
     nameless, repeats = posterior.record.count_nameless(), RepeatedReadings.of(posterior.fit, run)
     misfit = draw_misfit(unseen, posterior.drawn.shape[1], nameless, repeats, limits.seed)
-    drift, maps = drift_of(cell, run, posterior), tool_maps(cell, context.run, posterior.fit)
+    drift, maps = drift_of(cell, run, posterior), tool_maps(cell, run, posterior.fit)
     factors = declared.draw_factors(posterior.drawn.shape[1])
     known, own = (posterior, misfit, drift, factors, *maps), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, *known, own.held_out, own.validation, own.held_residual)
     aim, share = (posterior.fit, 0.0) if geometry_alone else choose_compromise(geometry)
-    if len(plain.fit.problem) == len(run):  # else geometry was fitted to another part of a long run
-        along = geometry.length_along(aim) if share else 0.0
-        share = share_by_regions(share * along, plain.fit, regions) / along if along > 0.0 else share
+    along = geometry.length_along(aim) if share else 0.0
+    share = share_by_regions(share * along, plain.fit, regions) / along if along > 0.0 else share
     if share == 0.0:
         return geometry
-    held = _predict_way(posterior, aim, share, own.held_residual if few is None else own.held_residual[few], split)
+    held = _predict_way(posterior, aim, share, own.held_residual, split)
     if held is None:
         return geometry
     give_back_memory()
@@ -199,10 +194,16 @@ def _choose_curves(
 
 
 def predicts_better(other: Array, plain: Array, split: Split) -> bool:
-    """Tell whether other residuals (n, r) of samples held out are smaller than plain ones, beyond chance and enough."""
+    """Tell whether other residuals (n, r) of samples held out are smaller than plain ones, beyond chance and enough.
+
+    By logarithms of mean squares, group by group: a gain of half the square counts alike where little is left and much.
+    """
     size = np.sqrt((plain**2).mean(axis=0))
     mine, theirs = (((h / np.where(size > 0, size, 1.0)) ** 2).mean(axis=1) for h in (other, plain))
-    gain = mean_by_group(theirs - mine, split.group)[np.unique(split.group)]
+    least = 0.1 * min(mine.mean(), theirs.mean())  # of a group with hardly any error a factor on it says nothing
+    by_group = (mean_by_group(square, split.group)[np.unique(split.group)] for square in (theirs, mine))
+    before, after = (np.log(square + least) for square in by_group)
+    gain = before - after
     surely = gain.mean() - CURVE_STANDARD_ERRORS * gain.std() / np.sqrt(len(gain))
     return bool(surely > 0 and mine.mean() < (1 - CURVE_GAIN) * theirs.mean())
 

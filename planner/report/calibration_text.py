@@ -154,7 +154,7 @@ def held_out_text(c: Calibration) -> str:
 
 def noise_text(c: Calibration) -> str:
     """Say how large the noise is, as estimated and as repeated readings show it."""
-    C = c.fit.problem.whitener.covariance(slice(0, 4096))
+    C = c.fit.problem.whitener.covariance()
     width = min(3, C.shape[1])
     sigma = float(np.sqrt(np.einsum("nii->n", C[:, :width, :width]).mean()))
     axis = " of each axis" if width > 1 else ""

@@ -275,16 +275,16 @@ def locate_step(state: SearchState, found: FittedEffect) -> StepTime:
     Σ_{i<j} |e + s|² + Σ_{i≥j} |e|². Every sample is as likely beforehand, and an end of a session as all of them.
     """
     problem, errors = state.fit.problem, state.fit.errors
-    piece = problem.piece(slice(None), errors)
+    white = problem.white_columns(errors)
     number = np.asarray(problem.samples.number)
     here = change_sample(found)
     assert here is not None
     shift = _acting_throughout(state, found)
     before = (number < here)[:, None]
-    still = np.where(before, piece.residual - shift, piece.residual)  # as if it had stood always as at the end
+    still = np.where(before, white.residual - shift, white.residual)  # as if it had stood always as at the end
     allowed = _step_positions(problem.samples)
     fall = np.cumsum((still**2 - (still + shift) ** 2).sum(axis=1))[allowed]
-    scale = max(1.0, float((piece.residual**2).mean()))
+    scale = max(1.0, float((white.residual**2).mean()))
     ends = np.isin(allowed, session_ends(problem.samples))
     fall = fall + np.where(ends, 2 * scale * np.log(_odds_of_end(allowed, allowed[ends])), 0.0)
     chance = np.exp((fall - fall.max()) / (2 * scale))

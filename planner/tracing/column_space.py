@@ -58,7 +58,7 @@ class ColumnSpace:
     @classmethod
     def of(cls, problem: FitProblem, errors: Array, weight: float) -> "ColumnSpace":
         """Return the space of a problem's own columns about ``errors`` (P,)."""
-        rows = problem.piece(slice(None), errors).rows
+        rows = problem.white_columns(errors).rows
         Q, R = posterior_basis(rows.reshape(-1, rows.shape[2]), weight)
         motion = problem.model.motion(problem.context, errors)
         return cls(problem, motion, weight, problem.model.parameters, Q, R)

@@ -202,7 +202,7 @@ def _whitened_mixed_columns(dictionary: EffectDictionary, problem: FitProblem, m
 
 def whiten(problem: FitProblem, rows: Array) -> Array:
     """Return rows (n, r, m) in standard deviations of the readings, by their weights."""
-    return np.asarray(problem.whitener.white(slice(None), rows) * np.sqrt(problem.weight)[:, None, None])
+    return np.asarray(problem.whitener.white(rows) * np.sqrt(problem.weight)[:, None, None])
 
 
 def whitened_columns(problem: FitProblem, parameters: Sequence[Parameter], motion: ForwardPass) -> Array:

@@ -68,7 +68,11 @@ class SearchContext:
         """The space that a state's model spans; kept as long as the search looks at the same state."""
         if id(state) not in self._tests:
             self._forget_before(state)
-            near = next((test.space for _, test in self._tests.values()), None) if self.fit_context.of_part else None
+            near = (
+                next((test.space for _, test in self._tests.values()), None)
+                if self.fit_context.run.continuous
+                else None
+            )
             self._tests.clear()
             self._tests[id(state)] = state, ScoreTest.of(state.fit, self._correlation_time(state), near)
         return self._tests[id(state)][1]

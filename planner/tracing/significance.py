@@ -11,7 +11,7 @@ from planner.effects.effect import Role, implausible_text
 from planner.effects.steps import SLIP
 from planner.fit.covariance import correlation_time
 from planner.fit.cross_validation import predict_held_out, predict_held_out_without
-from planner.fit.problem import LinearPiece
+from planner.fit.problem import WhitenedColumns
 from planner.inference.stages import FitContext, comparison_weight, error_reduction
 from planner.model.identification_document import Metrics
 from planner.tracing.assumptions import DETERMINED_VARIANCE
@@ -46,9 +46,9 @@ def variance_inflation(state: SearchState, found: FittedEffect) -> float:
 
 def variance_inflations(state: SearchState, effects: Sequence[FittedEffect]) -> list[float]:
     """Return the factor of each of some effects, see :func:`variance_inflation`."""
-    piece = state.piece
-    noise = autocorrelation_function(piece.residual)
-    return [_inflation(state, noise, piece.residual.size, _own_column(state, f, piece)) for f in effects]
+    white = state.white_columns
+    noise = autocorrelation_function(white.residual)
+    return [_inflation(state, noise, white.residual.size, _own_column(state, f, white)) for f in effects]
 
 
 def _inflation(state: SearchState, noise: Array, readings: int, column: Array) -> float:
@@ -72,7 +72,7 @@ def autocorrelation_function(x: Array) -> Array:
     return np.asarray(rho / max(rho[0], 1e-300))
 
 
-def _own_column(state: SearchState, found: FittedEffect, piece: LinearPiece) -> Array:
+def _own_column(state: SearchState, found: FittedEffect, white: WhitenedColumns) -> Array:
     """What the effect adds to the whitened readings (n, r) that the other parameters cannot."""
     errors, (kept, S) = state.fit.errors / state.fit.problem.prior, state.covariance_root
     own, among = state.positions(found), np.isin(kept, state.positions(found))
@@ -80,7 +80,7 @@ def _own_column(state: SearchState, found: FittedEffect, piece: LinearPiece) -> 
     part[own] = errors[own]
     # with H the information, −H⁻¹ between the others and the effect is Σ between both over the effect's own Σ
     part[kept[~among]] = S[~among] @ (S[among].T @ np.linalg.solve(S[among] @ S[among].T, errors[own]))
-    return piece.factored.times(part)
+    return white.factored.times(part)
 
 
 def rejection_reason(before: SearchState, after: SearchState, fit_context: FitContext, tried: int) -> str | None:

@@ -16,7 +16,7 @@ from planner.effects.effect import Effect, Parameter, ParameterMove, Role
 from planner.effects.sizes import LINK_MASS
 from planner.fit.assumptions import ROUGHLY_CONVERGED_SIGMAS
 from planner.fit.least_squares import Fit, solve, subset_size
-from planner.fit.problem import FitProblem, LinearPiece
+from planner.fit.problem import FitProblem, WhitenedColumns
 from planner.fit.wild_rows import wild_cost
 from planner.inference.stages import FitContext, FittedStage
 from planner.model.identification_document import Stage
@@ -137,9 +137,9 @@ class SearchState:
         return self.fitted.stage
 
     @property
-    def piece(self) -> LinearPiece:
+    def white_columns(self) -> WhitenedColumns:
         """Whitened columns and residual about the fit."""
-        return self.fit.problem.piece(slice(None), self.fit.errors)
+        return self.fit.problem.white_columns(self.fit.errors)
 
     @property
     def names(self) -> frozenset[str]:
@@ -171,8 +171,7 @@ class SearchState:
         (MacKay 1992): of two models that fit alike the simpler one has the lower value. So many samples count as one.
         """
         problem, solution = self.fit.problem, self.fit.solution
-        few = slice(0, None, max(1, len(problem) // 3000))
-        noise = float(np.linalg.slogdet(problem.whitener.covariance(few))[1].mean() * len(problem))
+        noise = float(np.linalg.slogdet(problem.whitener.covariance())[1].sum())
         grids = [len(f.effect.nonlinear.values) for f in self.effects if f.effect.nonlinear is not None]
         grids += [f.effect.scanned for f in self.effects]
         scanned = sum(2 * float(np.log(n)) for n in grids)
@@ -318,7 +317,7 @@ def _settle_beside(
     Their columns border those of the fit, which are reduced once: R of these with their priors gives what of the new
     ones they do not span.
     """
-    about, motion = problem.piece(slice(None), fit.errors).factored, problem.model.motion(problem.context, fit.errors)
+    about, motion = problem.white_columns(fit.errors).factored, problem.model.motion(problem.context, fit.errors)
     gram = about.gram
     R = cholesky(gram[:-1, :-1] + np.eye(len(fit.errors)))
     rest = solve_triangular(R, gram[:-1, -1] - fit.errors / problem.prior, trans="T")

@@ -218,8 +218,8 @@ def trace(
     stated = stated_set_up(offered, geometry.fit.model)
     there = {*geometry.stage.effects, *(f.name for f in stated)}
     effects = [e for e in offered if not e.has(Role.UNTRACED) and not there & {e.kind, e.name}]
-    tried, begin = fit_context.for_trials(geometry)
-    result = search(SearchState(geometry.fit.model, (), begin), effects, tried, report)
+    tried = fit_context.for_trials()
+    result = search(SearchState(geometry.fit.model, (), geometry), effects, tried, report)
     if result.given_up:
         return [], TracingResult(tried=result.tried_number)
     last = result.last
@@ -240,7 +240,7 @@ def trace(
         for (f, own), r in zip(kept, rivals, strict=True)
     )
     elsewhere = tuple(variants(result.context, last))
-    stages = fit_context.judge_trials([s.fitted for s in told_path(result.path)])
+    stages = [fit_context.validate(s.fitted) for s in told_path(result.path)]
     for state in result.path:  # of each its stage is kept, and nothing that can be computed anew
         state.fit.problem.memory.forget()
     steppables = result.context.steppables

@@ -195,7 +195,7 @@ def compute_chi2(found: Calibration) -> tuple[float, float]:
     fit = found.fit if found.released is None else found.released.geometry
     problem = fit.problem.with_noise(Noise())
     off = fit.model.residual(problem.samples, problem.targets, fit.errors).reshape(len(problem), -1, 1)
-    white = problem.whitener.white(slice(None), off)
+    white = problem.whitener.white(off)
     return float((white**2).sum()), white.size - fit.effective
 
 

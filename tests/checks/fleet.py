@@ -51,7 +51,7 @@ class Calibrated:
 
 def root_of(model, run):
     """Root of the covariance of a model's parameters after the fit of a run."""
-    rows = FitProblem.of(model, run).piece(slice(0, len(run)), np.zeros(len(model.names))).rows
+    rows = FitProblem.of(model, run).white_columns(np.zeros(len(model.names))).rows
     rows = rows.reshape(-1, len(model.names))
     information = rows.T @ rows + np.eye(len(model.names))
     return model.prior[:, None] * np.linalg.inv(np.linalg.cholesky(information)).T

@@ -30,7 +30,7 @@ def declared(**names):
 @pytest.mark.parametrize(("default", "fault"), [(0.0, "the least is 1"), (9.5, "the largest is 9")])
 def test_a_default_outside_its_own_bounds(default, fault):
     kind = Annotated[float | None, Option("how deep", min=1, max=9)]
-    with pytest.raises(DeclarationError, match=rf"^types: Options\.depth_mm: its default is {default}, but {fault}"):
+    with pytest.raises(DeclarationError, match=rf"^\S+: Options\.depth_mm: its default is {default}, but {fault}"):
         call_fields(make_dataclass("Options", [("depth_mm", kind, default)]))
     (field,) = call_fields(make_dataclass("Options", [("depth_mm", kind, None)]))
     assert field.default is None
@@ -38,13 +38,13 @@ def test_a_default_outside_its_own_bounds(default, fault):
 
 @pytest.mark.parametrize("kind", [float, "float", Annotated[float, "how deep"]])
 def test_a_field_without_an_option(kind):
-    with pytest.raises(DeclarationError, match=r"^types: Options\.depth_mm: its type has no Option: Annotated\["):
+    with pytest.raises(DeclarationError, match=r"^\S+: Options\.depth_mm: its type has no Option: Annotated\["):
         call_fields(make_dataclass("Options", [("depth_mm", kind, 0.0)]))
 
 
 def test_a_field_is_named_by_the_class_that_has_it():
     plain = make_dataclass("Options", [("depth_mm", float, 0.0)])
-    with pytest.raises(DeclarationError, match=r"^types: Options\.depth_mm: its type has no Option"):
+    with pytest.raises(DeclarationError, match=r"^\S+: Options\.depth_mm: its type has no Option"):
         call_fields(make_dataclass("OptionsAndMore", [], bases=(plain,)))
 
 

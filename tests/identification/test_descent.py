@@ -29,10 +29,7 @@ class Valley:
         x, y = at
         return np.array([self.steepness * (y - self.curvature * x**2), 1.0 - x])
 
-    def map_pieces(self, linearize):
-        yield linearize(slice(0, 2))
-
-    def piece(self, part, at):
+    def white_columns(self, at):
         left = -self.residual(at)  # what the model has still to explain
         slope = np.array([[-2 * self.curvature * self.steepness * at[0], self.steepness], [-1.0, 0.0]])
         table = np.column_stack([slope * PRIOR, left])

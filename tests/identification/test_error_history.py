@@ -26,7 +26,7 @@ def left_by(found, which):
     fit = released.posterior.fit
     size = np.sqrt((released.posterior.mixture.scaled_sizes**2).mean(axis=0))
     acting = size > 0
-    rows = (fit.problem.piece(slice(None), fit.errors).rows[which] * size)[..., acting].reshape(-1, int(acting.sum()))
+    rows = (fit.problem.white_columns(fit.errors).rows[which] * size)[..., acting].reshape(-1, int(acting.sum()))
     covariance = np.linalg.inv(np.eye(rows.shape[1]) + rows.T @ rows)
     root = (size * fit.problem.prior)[acting]
     names = [n for n, a in zip(fit.model.names, acting, strict=True) if a]

@@ -38,7 +38,7 @@ def fits(plan, cell):
 def linear(fit):
     """Columns and residual in standard deviations, weighed, prior readings below: an ordinary regression."""
     problem = fit.problem
-    piece = problem.piece(slice(0, len(problem)), fit.errors)
+    piece = problem.white_columns(fit.errors)
     rows, white = piece.rows[:, 0], piece.residual[:, 0]
     z = fit.errors / problem.prior
     return np.vstack([rows, np.eye(len(z))]), np.concatenate([white + rows @ z, 0 * z])

@@ -198,7 +198,7 @@ def test_poses_measured_again_scatter_by_the_noise_of_gauge_and_joints(tmp_path)
     lengths = [
         bar_lengths(true, q, np.zeros(20), rng.normal(0, true.joint_noise, q.shape), FIXTURE) for _ in range(300)
     ]
-    usual = USUAL_NOISE_SHARE**2 * problem.whitener.covariance(slice(20))[:, 0, 0]
+    usual = USUAL_NOISE_SHARE**2 * problem.whitener.covariance()[:20, 0, 0]
     expected = np.mean((np.var(lengths, axis=0) + true.noise**2) / usual)
     assert repeats.freedom == 60
     assert repeats.square / repeats.freedom == pytest.approx(expected, rel=3 * np.sqrt(2 / 60))

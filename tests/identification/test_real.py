@@ -158,7 +158,7 @@ def scale_sigma(c: Calibration, known_distance: bool, prior_factor: float) -> fl
     """
     problem = c.fit.problem
     model = problem.model
-    rows = problem.whitener.white(slice(None), model.rows(problem.samples, c.fit.errors))
+    rows = problem.whitener.white(model.rows(problem.samples, c.fit.errors))
     robot = [j for j, p in enumerate(model.parameters) if not p.name.startswith("base")]
     lengths = np.array([model.parameters[j].unit == "m" for j in robot])
     size = np.where(lengths, prior_factor, 1.0) * problem.prior[robot]
@@ -167,7 +167,7 @@ def scale_sigma(c: Calibration, known_distance: bool, prior_factor: float) -> fl
         frame = np.zeros((len(rows), 3, 6))
         for ball in (0, 1):
             frame[c.run.readings.ball == ball, :, 3 * ball : 3 * ball + 3] = np.eye(3)
-        frame = problem.whitener.white(slice(None), frame)
+        frame = problem.whitener.white(frame)
     held = np.concatenate([np.zeros((len(robot), 6)), np.eye(len(robot))], axis=1)
     tall = np.concatenate([frame, rows[:, :, robot] * size], axis=2).reshape(-1, 6 + len(robot))
     R = np.asarray(np.linalg.qr(np.concatenate([tall, held]), mode="r"))

@@ -14,7 +14,7 @@ def test_an_uneven_gear_is_one_finding_and_not_ripple_upon_ripple():
     assert names(found) == ["gear error curve, joint 3"]
     assert "mostly repeating" in found.findings[0].note
     geometry = next(s for s in found.stages if s.name == "geometry")
-    noise = found.fit.problem.whitener.covariance(slice(None))
+    noise = found.fit.problem.whitener.covariance()
     floor = np.sqrt(np.einsum("nii->n", noise).mean())
     assert found.stages[-1].held_out.rms < 0.5 * geometry.held_out.rms
     assert found.stages[-1].held_out.rms < 1.15 * floor

@@ -34,7 +34,7 @@ def test_the_score_is_what_a_refit_gains(kind):
         score = shade.score_one(entry, inner)
         P = len(fit.errors)
         wide = fit.model.plus(list(entry.make(inner)))
-        piece = fit.problem.with_model(wide).piece(slice(None), np.append(fit.errors, np.zeros(len(wide.prior) - P)))
+        piece = fit.problem.with_model(wide).white_columns(np.append(fit.errors, np.zeros(len(wide.prior) - P)))
         rows = piece.rows.reshape(-1, len(wide.prior))
         gain = cost(rows[:, :P], shade.residual, P) - cost(rows, shade.residual, P)
         assert score.gain == pytest.approx(gain, rel=0.03, abs=0.05)

@@ -86,12 +86,12 @@ def test_a_search_keeps_nothing_of_what_models_before_were_computed_by():
     context = SearchContext((), EffectDictionary(start.fit.problem.context, (), (), {}, 0), bench, lambda _: None)
     context.score_test(start)
     left, after = (start.refit(bench, (FittedEffect(entries[f"gear ripple, joint {k}"], 9.37),)) for k in (2, 3))
-    wave, piece = left.fit.model.parameters[left.positions(left.effects[0])[0]].main_move.phi, after.piece
+    wave, piece = left.fit.model.parameters[left.positions(left.effects[0])[0]].main_move.phi, after.white_columns
     assert wave in start.fit.problem.context._known
     context.score_test(after)
     assert wave not in start.fit.problem.context._known
     assert start.fit.problem.memory.linear is None
-    assert (after.piece.columns == piece.columns).all()
+    assert (after.white_columns.columns == piece.columns).all()
 
 
 def test_a_joint_gives_way_by_one_measure_of_its_load():
