@@ -20,15 +20,17 @@ from planner.kinematics.chain import Transform
 from planner.kinematics.geometry import rpy_of
 from planner.kinematics.robot import elementary_placement
 from planner.motion import planning_packages
+from planner.motion.timing import phases
 from planner.programs.dialect import dialect_names
 from planner.session.neutral_program import driven_form
 from planner.session.plan_record import part_hashes
+from planner.session.planned_session import load_session
 from planner.workflow.plan_use import export, simulate
 from tests.not_everywhere import pin
 from tests.workflow.small_plan import write_small_plan
 
 ROOT = Path(planner.__file__).parent
-PACKAGES = {"pinocchio", "coal", "ompl", "fcl"}
+PACKAGES = {"pinocchio", "coal", "ompl", "fcl", "ruckig"}
 DOOR = "planning_packages.py"
 EXAMPLES = ROOT.parent / "examples"
 WITHOUT = """
@@ -142,10 +144,10 @@ WINDOWS = {"sys_platform": "win32", "platform_machine": "AMD64", "platform_versi
 @pytest.mark.parametrize(
     ("system", "found"),
     [
-        (LINUX, {"pin", "python-fcl", "ompl"}),
+        (LINUX, {"pin", "python-fcl", "ruckig", "ompl"}),
         (WINDOWS, set()),
-        (_mac(23, "arm64"), {"pin", "python-fcl"}),  # macOS 14
-        (_mac(24, "arm64"), {"pin", "python-fcl", "ompl"}),
+        (_mac(23, "arm64"), {"pin", "python-fcl", "ruckig"}),  # macOS 14
+        (_mac(24, "arm64"), {"pin", "python-fcl", "ruckig", "ompl"}),
         (_mac(24, "x86_64"), {"pin", "python-fcl", "ompl"}),
     ],
     ids=["linux", "windows", "macos-14", "macos-15", "macos-15-intel"],
@@ -154,7 +156,7 @@ def test_pip_is_asked_for_what_has_wheels(system, found):
     """As looked up on the registry with ``pip download --platform … --only-binary=:all:``; docs/install.md."""
     project = tomllib.loads((ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     asked = {r.name for r in map(Requirement, project["dependencies"]) if not r.marker or r.marker.evaluate(system)}
-    assert asked & {"pin", "python-fcl", "ompl"} == found
+    assert asked & {"pin", "python-fcl", "ruckig", "ompl"} == found
     assert {"numpy", "scipy", "highspy", "polars", "pyserial"} <= asked
 
 
@@ -162,6 +164,7 @@ def test_pip_is_asked_for_what_has_wheels(system, found):
 def without_packages(monkeypatch):
     """Let this process believe that no package of planning is installed."""
     monkeypatch.setattr(planning_packages, "is_installed", lambda name: name not in PACKAGES)
+    monkeypatch.setattr(phases, "is_installed", lambda name: name not in PACKAGES)
     monkeypatch.setattr("planner.session.judgement.judge_program", _not_called)
 
 
@@ -219,3 +222,12 @@ def test_a_run_of_a_changed_plan_is_simulated_without_engines_and_that_is_said(p
     planned.write_text(json.dumps(plan | {"seed": 12}), encoding="utf-8")
     said = simulate(planned, seed=1).run.warnings
     assert any("not proven anew" in w for w in said)
+
+
+def test_ruckigs_profile_is_written_down_in_closed_form_where_ruckig_is_not_installed(planned, request):
+    with_ruckig = load_session(planned, "exported", check=True).courses[0].trajectory
+    request.getfixturevalue("without_packages")
+    closed = load_session(planned, "exported", check=True).courses[0].trajectory
+    assert closed.duration_s == pytest.approx(with_ruckig.duration_s, rel=1e-6)
+    t = np.linspace(0.0, closed.duration_s, 500)
+    np.testing.assert_allclose(closed.at(t).q, with_ruckig.at(t).q, atol=1e-6)

@@ -23,9 +23,10 @@ __all__ = [
     "ou",
     "pin",
     "require_planning_packages",
+    "ruckig",
 ]
 
-DISTRIBUTIONS = {"pinocchio": "pin", "coal": "coal", "fcl": "python-fcl", "ompl": "ompl"}
+DISTRIBUTIONS = {"pinocchio": "pin", "coal": "coal", "fcl": "python-fcl", "ompl": "ompl", "ruckig": "ruckig"}
 """Names to import: names to install."""
 JUDGES = ("pinocchio", "coal", "fcl")  # the two collision engines, the first with the model that it moves
 ELSEWHERE = (
@@ -60,7 +61,7 @@ def has_judges() -> bool:
 
 def can_plan() -> bool:
     """Tell whether planning is possible here: OMPL finds the ways, and without a judge no path is proven."""
-    return not _absent_packages()
+    return has_judges() and is_installed("ompl")
 
 
 def is_installed(name: str) -> bool:
@@ -73,6 +74,8 @@ def is_installed(name: str) -> bool:
 
 def require_planning_packages() -> None:
     """Refuse to begin what cannot be ended here.
+
+    Where ruckig is missing its profile is written down in closed form.
 
     Raises:
         MissingProgramError: one of them is not installed; which, and where planning is possible.
@@ -96,10 +99,11 @@ if TYPE_CHECKING:
     import coal
     import fcl
     import pinocchio as pin
+    import ruckig
     from ompl import base as ob
     from ompl import geometric as og
     from ompl import util as ou
 else:
-    coal, fcl = PlanningPackage("coal"), PlanningPackage("fcl")
+    coal, fcl, ruckig = PlanningPackage("coal"), PlanningPackage("fcl"), PlanningPackage("ruckig")
     pin = PlanningPackage("pinocchio")
     ob, og, ou = PlanningPackage("ompl.base"), PlanningPackage("ompl.geometric"), PlanningPackage("ompl.util")

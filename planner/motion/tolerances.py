@@ -30,3 +30,4 @@ NO_JERK_LIMIT = 1e9  # [m/s³] of a reading: nothing in a gauge is hurt by it
 CURVATURE_SHARE = 0.9  # of the acceleration and jerk limits that curvature alone may use: room to change the speed
 STRETCH_CHANGE = 0.03  # relative change of the speed limit that begins a new stretch
 """Finer stretches cost time to compute, coarser ones give away speed."""
+PHASE_TOLERANCE = 1e-6  # relative to a step's own length and speed: ruckig's own accuracy is 1e-8

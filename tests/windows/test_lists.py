@@ -39,7 +39,7 @@ def test_what_the_project_asks_for_is_in_the_list(system):
 
 
 def test_planning_is_carried_to_linux_alone():
-    packages = {"pin", "coal", "ompl", "python-fcl"}
+    packages = {"pin", "coal", "ompl", "python-fcl", "ruckig"}
     assert packages <= set(listed("linux"))
     assert not packages & set(listed("windows"))
 

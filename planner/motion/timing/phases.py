@@ -1,4 +1,10 @@
-"""From chosen steps to time: each a double-S move along the path, laid end to end."""
+"""From chosen steps to time: each timed by ruckig with one degree of freedom along the path, laid end to end.
+
+Where ruckig's tolerances leave it without an answer, or it is not installed, the same profile is written down in
+closed form.
+"""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
@@ -6,8 +12,11 @@ import numpy as np
 
 from planner.common.errors import PlannerError
 from planner.common.units import Array, read_only
+from planner.motion.planning_packages import is_installed, ruckig
+from planner.motion.timing.curve import Mask
 from planner.motion.timing.profile import Steps
 from planner.motion.timing.ramps import double_s_phases
+from planner.motion.tolerances import PHASE_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -85,4 +94,53 @@ def _time_moves(steps: Steps) -> Array:
     """Return duration, s, ds/dt, d²s/dt², d³s/dt³ at the start of the seven phases of every step: (n, 7, 5)."""
     if not np.isfinite(steps.time()).all():
         raise PlannerError("a step of the path was given speeds that its limits do not allow")
-    return double_s_phases(steps.length, steps.v0, steps.v1, steps.speed, steps.acceleration, steps.jerk)
+    if is_installed("ruckig"):
+        phases, solved = _ruckig_phases(steps)
+    else:
+        phases, solved = np.zeros((len(steps.length), 7, 5)), np.zeros(len(steps.length), dtype=bool)
+    left = steps.take(np.flatnonzero(~solved))
+    phases[~solved] = double_s_phases(left.length, left.v0, left.v1, left.speed, left.acceleration, left.jerk)
+    return phases
+
+
+def _ruckig_phases(steps: Steps) -> tuple[Array, Mask]:
+    """Return ruckig's seven phases of every step (n, 7, 5), and for which steps (n,) it found a move to be driven.
+
+    Each is solved with its length and its speed bound as the units, so ruckig's absolute tolerances suit most sizes.
+    """
+    time_unit = steps.length / steps.speed
+    scaled = np.column_stack(
+        [
+            steps.v0 / steps.speed,
+            steps.v1 / steps.speed,
+            steps.acceleration * time_unit / steps.speed,
+            steps.jerk * time_unit**2 / steps.speed,
+        ]
+    )
+    solver, move, answer = ruckig.Ruckig(1), ruckig.InputParameter(1), ruckig.Trajectory(1)
+    move.current_position, move.current_acceleration = [0.0], [0.0]
+    move.target_position, move.target_acceleration = [1.0], [0.0]
+    move.max_velocity = [1.0]
+    rows, solved = [], []
+    for v0, v1, acceleration, jerk in scaled.tolist():
+        move.current_velocity, move.target_velocity = [v0], [v1]
+        move.max_acceleration, move.max_jerk = [acceleration], [jerk]
+        solved.append(_is_solved(solver, move, answer))
+        p = answer.profiles[0][0]
+        rows.append((p.t, p.p[:7], p.v[:7], p.a[:7], p.j))
+    unit = np.column_stack([time_unit, steps.length, steps.speed, steps.speed / time_unit, steps.speed / time_unit**2])
+    return np.array(rows).transpose(0, 2, 1) * unit[:, None, :], np.array(solved)
+
+
+def _is_solved(solver: ruckig.Ruckig, move: ruckig.InputParameter, answer: ruckig.Trajectory) -> bool:
+    """Tell whether ruckig finds a move that ends where it should and keeps its bounds throughout."""
+    try:
+        result = solver.calculate(move, answer)
+    except ruckig.RuckigError:  # its tolerances are absolute: a feasible move at the edge of its limits can fail them
+        return False
+    p = answer.profiles[0][0]
+    at_end = abs(p.p[7] - 1.0) <= PHASE_TOLERANCE and abs(p.v[7] - move.target_velocity[0]) <= PHASE_TOLERANCE
+    within = p.brake.duration == 0.0 and min(p.v) >= -PHASE_TOLERANCE and max(p.v) <= 1.0 + PHASE_TOLERANCE
+    # seen 9 % beyond it, near its edges
+    gentle = max(map(abs, p.a)) <= move.max_acceleration[0] * (1.0 + PHASE_TOLERANCE)
+    return bool(result == ruckig.Result.Working and at_end and within and gentle)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-KEPT = 1.0 + 1e-6  # share of a limit that still counts as kept: rounding
+KEPT = 1.0 + 1e-6  # share of a limit that still counts as kept: rounding and ruckig's tolerance
 
 
 def largest_share(report):

@@ -86,7 +86,7 @@ def timed(length, v0, v1, fastest, acceleration, jerk):
 
 
 def test_a_change_of_speed_that_fills_its_stretch_is_timed():
-    """Ruckig refuses this one: 0.942 to its bound of 1 needs the whole stretch, to 1e-6 of it."""
+    """Ruckig alone refuses this one: 0.942 to its bound of 1 needs the whole stretch, to 1e-6 of it."""
     move = [np.array([x]) for x in (1.0, 0.9424631589201797, 1.0, 1.0, 0.5181883842744347, 0.217096700882396)]
     phases, took, _ = timed(*move)
     assert took[0] == pytest.approx(travel_time(*move)[0], rel=1e-6)
