@@ -113,7 +113,7 @@ def _why_more(c: Calibration, plan: PlannedTargets) -> str:
         return "no named cause explains a part of its errors"
     if unseen:
         return f"no pose shows {unseen[0].what}"
-    return "it is one of the few robots of which readings leave more open"
+    return "its readings leave more open than the plan foresaw"
 
 
 def cause_lines(c: Calibration, before: float | None) -> Iterator[CauseLine]:

@@ -45,7 +45,7 @@ def test_steps_are_in_the_measure_of_the_headline():
 @pytest.mark.parametrize(
     ("unseen", "parts", "why"),
     [
-        ((), (3e-4, 2e-4, 1e-4), "it is one of the few robots of which readings leave more open"),
+        ((), (3e-4, 2e-4, 1e-4), "its readings leave more open than the plan foresaw"),
         ((), (1e-4, 2e-4, 3e-4), "no named cause explains a part of its errors"),
         (("how the base turns",), (1e-4, 3e-4, 2e-4), "no pose shows how the base turns"),
     ],
