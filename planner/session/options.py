@@ -148,7 +148,7 @@ class PlanOptions:
         if self.separate and self.method:
             raise InputError(f"{cell.path}: --separate chooses the poses, and so does --method: leave one out")
         if aim is None:
-            return not (self.separate or self.index or self.poses or cell.plan.poses or method)
+            return not (self.separate or self.index or method)
         wanted = aim == "tracing"
         if wanted and method:
             raise InputError(
