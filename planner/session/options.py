@@ -21,7 +21,7 @@ class PlanOptions:
     """What a person may ask of the planning; ``None`` leaves it to the cell."""
 
     poses: Annotated[
-        int | None, Option("number of poses (default: where the index curve bends)", min=1, max_served=1000)
+        int | None, Option("number of poses (default: where more hardly help)", min=1, max_served=1000)
     ] = None
     index: Annotated[IndexName | None, Option("observability index to select by")] = None
     seed: Seed = 0
