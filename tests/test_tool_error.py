@@ -49,8 +49,8 @@ def test_the_workspace_is_what_the_glossary_says():
         R, p = Arm.from_toml("comau-nj130").flange(q)
         assert (p + R @ cell.tool.p_FM)[:, 2].min() > cell.base.floor
     glossary = (Path(__file__).parents[1] / "docs" / "glossary.md").read_text(encoding="utf-8")
-    said = "all poses within the joints' limits, a turn about home at most, with the tool above the floor, collisions"
-    assert f'<a id="workspace"></a>workspace | {said} or not |' in glossary
+    said = "all poses within the joints' limits, with the tool above the floor, collisions or not; a joint of over 360°"
+    assert f'<a id="workspace"></a>workspace | {said} within half a turn of home |' in glossary
 
 
 def test_how_the_base_stands_does_not_count(cell):
