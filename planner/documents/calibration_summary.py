@@ -82,13 +82,13 @@ def _verdict(c: Calibration, use: Use | None, tool: ToolName) -> tuple[UseAnswer
         return "not known", "Not known what this robot is good for", "The error over the workspace was not estimated."
     mine = _of_tool(use, tool)
     if use.tolerance is None or mine.answer is None:
-        why = f"{usual_uses_text(mine.targets_within)} {ask_for_tolerance('--tolerance-mm')}"
+        why = f"{usual_uses_text(mine.targets_within, TOOLS[tool])} {ask_for_tolerance('--tolerance-mm')}"
         return "not known", targets_text(mine.targets_within, mine.targets_within_before, "this robot"), why
     limit = f"{float(to_mm(use.tolerance)):g} mm"
     words = {"yes": "Good enough", "no": "Not good enough", "not known": "Not known whether it is good enough"}
     before = share_text(mine.share_before)
-    share = f"{share_text(mine.share)} of targets are within {limit} with {TOOLS[tool]}, uncalibrated {before}"
-    return mine.answer, f"{words[mine.answer]} for {limit}", f"{share}."
+    share = f"Likely {share_text(mine.share)} of targets are within {limit}, uncalibrated {before}"
+    return mine.answer, f"{words[mine.answer]} for {limit} with {TOOLS[tool]}", f"{share}."
 
 
 def _beside_plan(c: Calibration, plan: PlannedTargets, within: float) -> dict[str, Any]:

@@ -128,8 +128,8 @@ def few_readings_note(fitted: int, width: int, rows: int, time: float) -> list[s
     more = "drive through further poses: a slower drive adds next to nothing" if alike else "measure further poses"
     return [
         Doubt(
-            f"{fitted} parameters were fitted to {readings:.0f} independent readings{alike}: little is left to judge "
-            f"them by; {more}, or free fewer in [plan]"
+            f"{fitted} parameters were fitted to {readings:.0f} independent readings{alike}: what these leave open "
+            f"rests on usual sizes of errors; {more}, or free fewer in [plan]"
         )
     ]
 

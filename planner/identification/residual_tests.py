@@ -12,7 +12,6 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from planner.common.determinism import even_positions
-from planner.common.numbers import number_of
 from planner.common.robust import MEDIAN_NORM
 from planner.common.units import Array, read_only
 from planner.documents.calibration import ResidualDiagnosis, ResidualTest
@@ -202,7 +201,7 @@ def _excess_text(found: ResidualDiagnosis, rms: float, noise: float, unit: str) 
     )
     if found.structured:
         return f"{found.sentence} {more}."
-    return f"{more}: it is not that noise, and {number_of(len(found.trials), 'test')} cannot tell what it follows."
+    return f"{more}: it is not that noise, and no test tells what it follows."
 
 
 def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) -> ResidualBattery | None:

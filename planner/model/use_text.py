@@ -16,22 +16,23 @@ def targets_text(within: float, uncalibrated: float, of: Literal["this robot", "
     return f"95 of 100 targets within {bound_text(within)}, {of} uncalibrated {bound_text(uncalibrated)}"
 
 
-def usual_uses_text(within: float) -> str:
-    """Say for which usual uses it is enough that targets are within so much [m]; docs/commands/identify.md has why."""
+def usual_uses_text(within: float, tool: str) -> str:
+    """Say for which usual uses it is enough that targets are within so much [m] with a tool.
+
+    docs/commands/identify.md has why.
+    """
     needs = {"handling": 1.0, "arc welding": 0.5, "drilling": 0.2}  # [mm] that such uses mostly allow
     mm = float(to_mm(within))
     named = {use: f"{use} ({allowed:g} mm)" for use, allowed in needs.items()}
     enough = [named[use] for use, allowed in needs.items() if mm <= allowed]
     others = [use for use, allowed in needs.items() if mm > allowed]
-    nearly = 1.2  # times what is allowed: needs of a use are known no better
+    # 1.2: times what is allowed: needs of a use are known no better
+    nearly = "nearly" if others and mm <= 1.2 * needs[others[0]] else "not"
     if not enough:
-        return f"{'Nearly' if mm <= nearly * needs[others[0]] else 'Not'} enough for usual {named[others[0]]}."
+        return f"With {tool} {nearly} enough for usual {named[others[0]]}."
     listed = " and ".join(filter(None, (", ".join(enough[:-1]), enough[-1])))
-    if not others:
-        return f"Enough for usual {listed}."
-    return (
-        f"Enough for usual {listed}, {'nearly' if mm <= nearly * needs[others[0]] else 'not'} for {named[others[0]]}."
-    )
+    rest = f", {nearly} for {named[others[0]]}" if others else ""
+    return f"With {tool} enough for usual {listed}{rest}."
 
 
 def ask_for_tolerance(where: str) -> str:
@@ -59,7 +60,7 @@ def tolerance_sentence(use: Use) -> str:
 
 
 def _shares(tool: ToolUse) -> str:
-    return f"{share_text(tool.share)} of targets, uncalibrated {share_text(tool.share_before)}"
+    return f"likely {share_text(tool.share)} of targets, uncalibrated {share_text(tool.share_before)}"
 
 
 def use_rows(use: Use) -> list[Row]:

@@ -72,6 +72,10 @@ def proof_text(facts: CalibrationFacts) -> tuple[str, ...]:
         out.append(f"On the separate validation run: {in_mm(checks[0].mean)} {unit} → {in_mm(checks[1].mean)} {unit}.")
     own = own_errors_text(c)
     out += [f"{_capital(own)}."] if own else []
+    if c.release is not None and not c.problems:
+        out.append(
+            "All this is at poses like those measured. The figure above is of the whole workspace, which is more."
+        )
     return tuple(out)
 
 
@@ -84,15 +88,16 @@ def open_parts_text(c: Calibration) -> tuple[str, ...]:
         f"Rms over the workspace: {in_mm(r.nominal_anywhere)} mm → {in_mm(c.workspace_error)} mm (95 % sure below "
         f"{in_mm(r.at_most)} mm); with a tool that was not measured {in_mm(r.other_tool)} mm."
     ]
-    if r.where_measured is not None:
-        out.append(f"At poses like those measured {in_mm(r.where_measured)} mm are expected.")
     if (p := r.parts) is not None:
         out.append(
-            f"Of this, {in_mm(p.seen)} mm come from noise. More readings at these poses cannot show {in_mm(p.unseen)} "
-            f"mm: scale, tool, other postures. {in_mm(p.misfit)} mm are misfit: no named cause explains them."
+            f"Of the {in_mm(c.workspace_error)} mm, {in_mm(p.seen)} mm come from noise. More readings at these poses "
+            f"cannot show {in_mm(p.unseen)} mm: scale, tool, other postures. {in_mm(p.misfit)} mm are misfit: no named "
+            "cause explains them."
         )
         if drift_counts(p):
             out.append(f"The arm moved by {in_mm(p.drift)} mm in the time of the run; it is written as on average.")
+    if r.where_measured is not None:
+        out.append(f"At poses like those measured {in_mm(r.where_measured)} mm are expected.")
     out += [f"No pose has shown {u.text(r.at_most)}." for u in r.not_shown]
     out.append(f"All this holds {r.warmth_text}.")
     if (place := r.misfit_place) is not None:

@@ -37,11 +37,12 @@ def mounting_steps(plan: Plan) -> list[str]:
         f"{cell.gauge.length_text(d.visits[0].length)}{f' at fixture {cell.place_name(d.mounting)}' if several else ''}"
         for d in plan.drives
     ]
-    care = "to 1 mm, by a master or a ruler" if cell.gauge.zero_free else "by a master: the fit believes its zero"
-    steps.append(
-        f"Start the program. It pauses at the mount pose. Attach the {noun} and set its display to "
-        f"{', then '.join(pauses)}, {care}. Do not set it again."
-    )
+    about, attach = ", then ".join(pauses), f"Start the program. It pauses at the mount pose. Attach the {noun}"
+    if cell.gauge.zero_free:
+        zero = f". Measure its length by a master or a ruler, to 1 mm: about {about}. Set its display to that length."
+    else:
+        zero = f", its display set by a master: the fit believes its zero. It reads about {about}."
+    steps.append(f"{attach}{zero} Do not set it again.")
     return [*steps, reading]
 
 

@@ -55,10 +55,11 @@ def judge_plan(plan: Plan) -> PlanVerdict:
     with_tool = f"with {TOOLS['measured']}"
     if targets.tolerance is None:
         answer, headline = None, f"Expected: {within}"
-        why = f"{usual_uses_text(targets.within)} {ask_for_tolerance('tolerance_mm under [use] in the cell')}"
+        uses, ask = usual_uses_text(targets.within, TOOLS["measured"]), "tolerance_mm under [use] in the cell"
+        why = f"{uses} {ask_for_tolerance(ask)}"
         if targets.used != "measured":
-            why = f"For {TOOLS[targets.used]}, which will be used, nothing is foreseen."
-        because = f"95 % sure for a robot of this kind, {with_tool}. {why}"
+            why = f"This is {with_tool}. For {TOOLS[targets.used]}, which will be used, nothing is foreseen."
+        because = f"95 % sure for a robot of this kind. {why}"
     else:
         answer, headline = _answer(targets)
         because = (

@@ -147,7 +147,10 @@ def test_a_tolerance_is_answered_in_the_headline(c: Calibration, times: float, a
     use = judge_use(c.released, 1e-5, tolerance)
     told = summarize(c.model_copy(update={"good_for": use}))
     assert told.answer == answer
-    assert told.headline == f"{'Good' if answer == 'yes' else 'Not good'} enough for {tolerance * 1e3:g} mm"
+    assert (
+        told.headline
+        == f"{'Good' if answer == 'yes' else 'Not good'} enough for {tolerance * 1e3:g} mm with the measured tool point"
+    )
     assert (told.next_steps[0].what == "Correct your programs: edbb compensate") or answer == "no"
 
 

@@ -65,17 +65,20 @@ def test_a_run_that_leaves_more_than_its_plan_says_why(unseen, parts, why):
 @pytest.mark.parametrize(
     ("within", "said"),
     [
-        (0.15e-3, "Enough for usual handling (1 mm), arc welding (0.5 mm) and drilling (0.2 mm)."),
-        (0.2e-3, "Enough for usual handling (1 mm), arc welding (0.5 mm) and drilling (0.2 mm)."),
-        (0.47e-3, "Enough for usual handling (1 mm) and arc welding (0.5 mm), not for drilling (0.2 mm)."),
-        (0.84e-3, "Enough for usual handling (1 mm), not for arc welding (0.5 mm)."),
-        (0.56e-3, "Enough for usual handling (1 mm), nearly for arc welding (0.5 mm)."),
-        (1.1e-3, "Nearly enough for usual handling (1 mm)."),
-        (1.5e-3, "Not enough for usual handling (1 mm)."),
+        (0.15e-3, "With its own tool enough for usual handling (1 mm), arc welding (0.5 mm) and drilling (0.2 mm)."),
+        (0.2e-3, "With its own tool enough for usual handling (1 mm), arc welding (0.5 mm) and drilling (0.2 mm)."),
+        (
+            0.47e-3,
+            "With its own tool enough for usual handling (1 mm) and arc welding (0.5 mm), not for drilling (0.2 mm).",
+        ),
+        (0.84e-3, "With its own tool enough for usual handling (1 mm), not for arc welding (0.5 mm)."),
+        (0.56e-3, "With its own tool enough for usual handling (1 mm), nearly for arc welding (0.5 mm)."),
+        (1.1e-3, "With its own tool nearly enough for usual handling (1 mm)."),
+        (1.5e-3, "With its own tool not enough for usual handling (1 mm)."),
     ],
 )
 def test_without_a_tolerance_usual_uses_say_what_it_is_enough_for(within, said):
-    assert usual_uses_text(within) == said
+    assert usual_uses_text(within, "its own tool") == said
 
 
 @pytest.mark.parametrize(

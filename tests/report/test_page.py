@@ -55,7 +55,7 @@ def test_steps_say_what_to_screw_where_and_which_length_to_set(plan: Plan) -> No
     assert "[258, 1468, 708] mm of the base" in steps[0]
     assert "[50, 0, 150] mm of the flange" in steps[1]
     length = plan.drives[0].visits[0].length
-    assert f"set its display to {1e3 * length:.1f} mm" in steps[2]
+    assert f"to 1 mm: about {1e3 * length:.1f} mm. Set its display to that length." in steps[2]
     assert drawing.holder == "ball at [50, 0, 150] mm of the flange"
     assert drawing.position == (258, 1468, 708)
     assert drawing.away == pytest.approx(np.hypot(258, 1468))
