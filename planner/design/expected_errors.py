@@ -2,14 +2,15 @@
 
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Protocol, Self
 
 import numpy as np
 
+from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
-from planner.common.units import Array
+from planner.common.units import Array, read_only
 from planner.design.assumptions import LIMIT_QUANTILE
 from planner.design.drawn_errors import draw_remaining_errors
 from planner.model.model import Model
@@ -220,3 +221,16 @@ def _draw_robots(values: int) -> tuple[Array, Array]:
     robots = 4000  # drawn: the 95 % quantile of the error to about a per cent
     rng = np.random.default_rng(seed)
     return rng.chisquare(1.0, (robots, values)), rng.standard_normal(robots)
+
+
+def with_stated_frames(unknown: ExpectedErrors, cell: Cell) -> ExpectedErrors:
+    """Return the errors in a model whose gauge frames stand where the cell states them; lengths have no such frame.
+
+    The model of a plan has these frames in the base, since a plan needs no reading.
+    """
+    model = unknown.model
+    if not (model.setup.has_own_frames and cell.fixtures):
+        return unknown
+    R_BG = read_only(np.array([f.R_BX for f in cell.fixtures]))
+    p_BG = read_only(np.array([f.p_BX for f in cell.fixtures]))
+    return unknown.on(replace(model, setup=replace(model.setup, R_BG=R_BG, p_BG=p_BG)))

@@ -16,7 +16,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.units import Array, read_only
-from planner.design.expected_errors import ExpectedErrors
+from planner.design.expected_errors import ExpectedErrors, with_stated_frames
 from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
 from planner.design.learnt_sizes import (
     ALWAYS,
@@ -119,7 +119,7 @@ class LiveEstimate:
             unknown = add_unnamed_errors(undeclared_errors(cell, samples), cell, samples)
         else:
             unknown = RemainingErrors.of(CalibratedState.read(after, cell), cell, samples)
-        return cls(_with_stated_frames(unknown, cell), samples, until)
+        return cls(with_stated_frames(unknown, cell), samples, until)
 
     def begin_anew(self) -> "LiveEstimate":
         """Return the estimate of the same session before its first reading."""
@@ -224,19 +224,6 @@ class LiveEstimate:
     def _limit_after(self, ahead: LearntForesight, more: int) -> float:
         """Return the error that 95 of 100 such robots are expected to stay below after so many more poses [m]."""
         return self.unknown.state_limit(ahead.square_error_limit(self.width * more))
-
-
-def _with_stated_frames(unknown: ExpectedErrors, cell: Cell) -> ExpectedErrors:
-    """Return the errors in a model whose gauge frames stand where the cell states them; lengths have no such frame.
-
-    The model of a plan has these frames in the base, since a plan needs no reading.
-    """
-    model = unknown.model
-    if not (model.setup.has_own_frames and cell.fixtures):
-        return unknown
-    R_BG = read_only(np.array([f.R_BX for f in cell.fixtures]))
-    p_BG = read_only(np.array([f.p_BX for f in cell.fixtures]))
-    return unknown.on(replace(model, setup=replace(model.setup, R_BG=R_BG, p_BG=p_BG)))
 
 
 def _whitener(unknown: ExpectedErrors, samples: Samples) -> Array:

@@ -12,13 +12,13 @@ from scipy.stats import binom
 from planner.cell.cell import setup_of
 from planner.cell.reading import load_cell
 from planner.common.units import to_mm
+from planner.design.expected_errors import with_stated_frames
 from planner.design.free_parameters import undeclared_errors
 from planner.design.unnamed_errors import identified_errors
 from planner.gauges.frame_gauge import ToolPosition
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.model.tool_error import samples_like, tool_setup, uniform_states
-from planner.next_session.live_estimate import _with_stated_frames
 from planner.runs.run import Samples
 from planner.simulation.simulated_run import simulate_run
 from planner.simulation.truth import draw_expected_truth, read_truth
@@ -102,7 +102,7 @@ class LinearFit:
 
     def __init__(self, cell, samples):
         expected = identified_errors(undeclared_errors(cell, samples), cell, samples)
-        self.samples, self.unknown = samples, _with_stated_frames(expected, cell)
+        self.samples, self.unknown = samples, with_stated_frames(expected, cell)
         self.model, self.noise = self.unknown.model, self.unknown.model.reading_noise(samples)
         self.rows = self.noise.white(self.model.rows(samples) @ self.unknown.root)
         self.gain = np.linalg.solve(self.rows.T @ self.rows + np.eye(self.rows.shape[1]), self.rows.T)
