@@ -15,7 +15,7 @@ JOINTS = (BLUE, ORANGE, GREEN, RED, PURPLE, BLACK, SKY)  # six joints without a 
 FIELD_SCALE = ("#FFFFCC", "#FFE692", "#FEBF5A", "#FD8C3C", "#F43D25", "#C90823", "#800026")
 """From small to large: ColorBrewer's YlOrRd, on the page and in print."""
 Span = tuple[float, float]
-ROLES = {"calibrate": BLUE, "repeat": PURPLE, "validate": ORANGE, "mount": BLACK}
+ROLES = {"calibrate": BLUE, "repeat": GREEN, "validate": PURPLE, "mount": ORANGE}  # as in view3d.js
 
 
 def hex_colour(name: str) -> Array:

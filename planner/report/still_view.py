@@ -13,10 +13,9 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.report.cell_view import STAND, CellView, Mesh, lit_colours
-from planner.report.chart import hex_colour
+from planner.report.chart import ROLES, hex_colour
 from planner.report.svg_backend import png_base64
 
-SPOTS = {"calibrate": "#0072B2", "repeat": "#009E73", "validate": "#CC79A7", "mount": "#E69F00"}  # as there
 AXES = (("x", "#D55E00"), ("y", "#009E73"), ("z", "#0072B2"))  # as there
 PAPER, FLOOR, PATH, REACH = "#F6F8F9", "#D3DAE0", "#3C3C3C", "#56B4E9"
 
@@ -104,7 +103,7 @@ def still_view(view: CellView) -> str:
     if view.standing is not None:
         _cover_mesh(canvas, view.standing, (STAND,) * len(view.standing.triangles))
     for spot in view.spots:
-        _cover_ball(canvas, spot.position, SPOTS[spot.role])
+        _cover_ball(canvas, spot.position, ROLES[spot.role])
     canvas.tint((_along(camera, line) for line in _floor_lines(view)), FLOOR, 1.0)
     for shell in view.shells:
         canvas.tint((points for points, _ in _surface_points(camera, shell)), REACH, 0.15)
@@ -120,7 +119,7 @@ def still_view(view: CellView) -> str:
 def still_legend(view: CellView) -> tuple[tuple[str, str], ...]:
     """Return what the balls of the picture mean, and the surfaces about the fixture, with their colours."""
     roles = [spot.role for spot in view.spots]
-    poses = [(f"{roles.count(role)} {role}", colour) for role, colour in SPOTS.items() if role in roles]
+    poses = [(f"{roles.count(role)} {role}", colour) for role, colour in ROLES.items() if role in roles]
     return (*poses, *([(f"reach of the {view.noun}", REACH)] if view.shells else []))
 
 

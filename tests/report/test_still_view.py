@@ -32,7 +32,7 @@ def test_it_is_seen_from_where_the_view_begins():
     ]
     assert float(re.search(r"this.distance = ([\d.]+) \*", orbit)[1]) == still.Camera.away
     assert float(re.search(r"PerspectiveCamera\(([\d.]+),", view)[1]) == pytest.approx(np.degrees(still.Camera.opening))
-    assert json.loads(re.sub(r"(\w+):", r'"\1":', re.search(r"const ROLES = (.*);", view)[1])) == still.SPOTS
+    assert json.loads(re.sub(r"(\w+):", r'"\1":', re.search(r"const ROLES = (.*);", view)[1])) == still.ROLES
 
 
 def test_points_come_where_a_perspective_camera_sees_them():
@@ -104,7 +104,7 @@ def test_the_picture_of_a_plan_shows_robot_poses_and_axes(plan: Plan) -> None:
     assert len(packed[1]) < 200_000
     pixels = 255 * imread(BytesIO(b64decode(packed[1])))[:, :, :3]
     assert pixels.shape == (still.Camera.fine * still.Camera.tall, still.Camera.fine * still.Camera.wide, 3)
-    camera, blue = still.Camera(view.low, view.high), hex_colour(still.SPOTS["calibrate"])
+    camera, blue = still.Camera(view.low, view.high), hex_colour(still.ROLES["calibrate"])
     at = camera.project(np.array([s.position for s in view.spots if s.role == "calibrate"])).astype(int)
     near = np.abs(pixels[at[:, 1], at[:, 0]] - blue).max(axis=1) < 60
     assert near.mean() > 0.3  # the others are behind the robot
