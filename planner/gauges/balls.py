@@ -24,11 +24,13 @@ from planner.runs.run import Readings, Run, Samples
 def artifact_step(file: CellFile, title: str, seats: str) -> CellStep:
     """Return the step of the checklist that sets the artifact up; ``seats``: what it carries."""
     there, names = file.artifact, ", ".join(b.name for b in file.balls)
-    where = f" at {place_text(there.position_mm)} of the base frame, to about {there.prior_mm:g} mm," if there else ""
-    return CellStep(
-        title,
-        f"It stands{where} and is clamped: nothing moves it until the log is saved. Wipe the {seats} {names} clean.",
-    )
+    where = ""
+    if there:
+        origin = next((f", {b.name}," for b in file.balls if not any(b.position_mm)), "")
+        place = f"{place_text(there.position_mm)} of the base frame, to about {there.prior_mm:g} mm"
+        where = f" with the origin of its frame{origin} at {place}"
+    still = "nothing moves it until the log is saved"
+    return CellStep(title, f"It is clamped{where}: {still}. Wipe the {seats} {names} clean.")
 
 
 @dataclass(frozen=True)

@@ -99,5 +99,6 @@ def bound_text(value: float) -> str:
 
 
 def share_text(share: float | None) -> str:
-    """Write a share in percent, rounded down: all only where it is all."""
-    return f"{floor(100 * (share or 0.0)):d} %"
+    """Write a share in percent, rounded down; it is one of drawn robots, and so never of all that there are."""
+    percent = floor(100 * (share or 0.0))
+    return f"{percent:d} %" if percent < 100 else "over 99 %"

@@ -62,10 +62,8 @@ def judge_plan(plan: Plan) -> PlanVerdict:
         because = f"95 % sure for a robot of this kind. {why}"
     else:
         answer, headline = _answer(targets)
-        because = (
-            f"Expected {with_tool}, 95 % sure: {within}. {share_text(targets.enough)} of the robots of this kind hold "
-            "the tolerance."
-        )
+        many = share_text(targets.enough).capitalize()
+        because = f"Expected {with_tool}, 95 % sure: {within}. {many} of the robots of this kind hold the tolerance."
     return PlanVerdict(answer, headline, f"{because} {TARGET}{goal}", _changes(plan, targets.within / e.left))
 
 
@@ -73,9 +71,9 @@ def _answer(targets: TargetForecast) -> tuple[UseAnswer, str]:
     """Return whether a tolerance will be held, by the share of robots that hold it, and the same as a title."""
     limit = f"{float(to_mm(targets.tolerance or 0.0)):g} mm"
     if targets.enough >= LIMIT_QUANTILE:
-        return "yes", f"Good enough for {limit}, as far as can be foreseen"
+        return "yes", f"Foreseen: good enough for {limit}"
     if targets.enough <= 1 - LIMIT_QUANTILE:
-        return "no", f"Not good enough for {limit}"
+        return "no", f"Foreseen: not good enough for {limit}"
     return "not known", f"Not known whether it will be good enough for {limit}"
 
 

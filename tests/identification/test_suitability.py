@@ -99,4 +99,4 @@ def test_a_bound_is_never_rounded_down_nor_a_share_up():
     assert [bound_text(v * MM) for v in (0.0101, 0.12, 0.1201, 0.996, 1.21, 9.96, 12.3, 123.0)] == [
         "0.011 mm", "0.12 mm", "0.13 mm", "1.0 mm", "1.3 mm", "10 mm", "13 mm", "123 mm",
     ]  # fmt: skip
-    assert (share_text(0.999), share_text(1.0)) == ("99 %", "100 %")
+    assert (share_text(0.999), share_text(1.0), share_text(0.5)) == ("99 %", "over 99 %", "50 %")

@@ -98,9 +98,9 @@ def test_every_gauge_has_a_drawing_to_scale(name: str) -> None:
     ("tolerance", "enough", "headline"),
     [
         (None, 0.0, "Expected: 95 of 100 targets within 0.81 mm, such robots uncalibrated 6.4 mm"),
-        (1e-3, 0.97, "Good enough for 1 mm, as far as can be foreseen"),
+        (1e-3, 0.97, "Foreseen: good enough for 1 mm"),
         (1e-3, 0.5, "Not known whether it will be good enough for 1 mm"),
-        (1e-4, 0.0, "Not good enough for 0.1 mm"),
+        (1e-4, 0.0, "Foreseen: not good enough for 0.1 mm"),
     ],
 )
 def test_a_plan_says_first_whether_it_is_good_enough(
