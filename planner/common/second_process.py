@@ -8,7 +8,6 @@ import os
 import pickle
 import sys
 import threading
-import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -19,6 +18,7 @@ from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from planner.common.lazy_modules import psutil
+from planner.common.system import end_with_parent
 
 A = TypeVar("A")
 T = TypeVar("T")
@@ -181,7 +181,7 @@ def _answer(task: Callable[[], object], write: int, parent: int) -> None:
     """Do the task and send its answer or error; never returns into the caller's code."""
     global _inside
     _inside = True
-    threading.Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
+    threading.Thread(target=end_with_parent, args=(parent,), daemon=True).start()
     try:
         try:
             told = pickle.dumps((task(), None), protocol=5)
@@ -191,10 +191,3 @@ def _answer(task: Callable[[], object], write: int, parent: int) -> None:
             pipe.write(told)
     finally:
         os._exit(0)
-
-
-def _end_with_parent(parent: int) -> None:
-    """End this process once its parent is gone, however that ended."""
-    while os.getppid() == parent:
-        time.sleep(0.5)  # [s] between two looks
-    os._exit(1)

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from glob import glob
@@ -46,8 +47,8 @@ def kill_group(process: subprocess.Popen[bytes]) -> None:
     """
     if sys.platform == "win32":
         with suppress(psutil.NoSuchProcess):
-            started = psutil.Process(process.pid).children(recursive=True)
-            for each in (psutil.Process(process.pid), *started):
+            first = psutil.Process(process.pid)
+            for each in (first, *first.children(recursive=True)):
                 with suppress(psutil.Error):
                     each.kill()
     else:
@@ -62,13 +63,17 @@ def die_with(parent: int) -> None:
         if os.getppid() != parent:  # it died before it was asked for
             os.kill(os.getpid(), signal.SIGKILL)
     else:
-        threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
+        threading.Thread(target=end_with_parent, args=(parent,), daemon=True).start()
 
 
-def _end_after(parent: int) -> None:
-    """End this process once its parent is gone."""
-    with suppress(psutil.NoSuchProcess):
-        psutil.Process(parent).wait()
+def end_with_parent(parent: int) -> None:
+    """End this process once its parent is gone, however that ended."""
+    if sys.platform == "win32":
+        with suppress(psutil.NoSuchProcess):
+            psutil.Process(parent).wait()
+    else:
+        while os.getppid() == parent:
+            time.sleep(0.5)  # [s] between two looks
     os._exit(1)
 
 

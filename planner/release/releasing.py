@@ -139,7 +139,7 @@ def _count_as_posterior(plain: FittedStage, weight: Array, context: FitContext) 
     What geometry alone leaves is wide, and a row that stands outside the noise may be hidden in it.
     """
     before = plain.fit.problem
-    if len(before) != len(weight) or np.array_equal(before.weight, weight):
+    if np.array_equal(before.weight, weight):
         return plain
     problem = replace(before, weight=weight)
     found = replace(plain.fit, problem=problem, solution=solve(problem, plain.fit.errors))
@@ -156,7 +156,7 @@ def _count_as_posterior(plain: FittedStage, weight: Array, context: FitContext) 
 def _weight_without_slips(last: Fit, weight: Array) -> Array:
     """Return by how much each row counts, (n,), where what is wrong of rows that were found wrong is no parameter."""
     slips = np.array([p.group.startswith(SLIP) for p in last.model.parameters], dtype=bool)
-    if not slips.any() or len(last.problem) != len(weight):
+    if not slips.any():
         return weight
     fitted, bare = (last.problem.white_residual(np.where(gone, 0.0, last.errors)) for gone in (False, slips))
     wrong = np.abs(bare - fitted).max(axis=1) > 0

@@ -153,7 +153,7 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
     """A plan, of a check too: what it is for, where it drives, and the files to take along."""
     plan = read_plan_document(context, job) if job.state == "done" else None
     names = {p.file for p in plan.programs} if plan else set()
-    files = visible_files(job)
+    files, reports = visible_files(job), _reports(context, job)
     check = None
     if job.kind == "check-plan" and plan:
         check = CheckForecastFile.model_validate(read_json(output_path(context, job.id, "shows.json")))
@@ -162,8 +162,8 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
         job=job,
         files=[f for f in files if f.name not in names],
         programs=[f for f in files if f.name in names],
-        charts=_charts(context, job),
-        still="".join(map(embed_still, _reports(context, job))),
+        charts=embed_charts(*reports) if reports else "",
+        still="".join(map(embed_still, reports)),
         report=any(f.name == "report.html" for f in files),
         facts=plan_facts(plan, job.kind == "check-plan") if plan else [],
         notes=list(dict.fromkeys(plan.notes)) if plan else (),
